@@ -16,6 +16,7 @@ if __name__ == "__main__":
 import argparse
 import dataclasses
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -26,11 +27,10 @@ from granpinn.command.next_step import training_of
 from granpinn.command.parser import Parser, program
 from granpinn.config.fields import flag_of
 from granpinn.config.values import number, whole
-from granpinn.data import write_flow
-from granpinn.data.symmetry import with_layer
+from granpinn.data import FlowFileWarning, write_flow
 from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS
-from granpinn.inspection.slips import warn_of_slips
+from granpinn.inspection import quick
 from granpinn.output import objection_to_file, shell_word
 
 EXAMPLES = """examples:
@@ -67,7 +67,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         with flow_warnings.in_one_line():
             flow = convert(sources, settings, report=print)
             write_flow(flow, out)
-            slips = warn_of_slips(with_layer(flow))
+            slips = quick(flow).slips
+            for slip in slips:
+                warnings.warn(str(slip), FlowFileWarning, stacklevel=2)
         print(f"flow file: {out}")
         step = f"{program('inspect')} {shell_word(out)}" if slips else training_of(flow, out)
         print(f"next: {step}")

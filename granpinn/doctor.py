@@ -42,9 +42,8 @@ LARGEST_ERROR = {"float64": 1e-8, "float32": 1e-3}  # of the kernels, relative L
 EXTRAS = {
     "tensorboard": ("tensorboard",),
     "lavision": ("lvpyio",),
-    "netcdf": ("xarray", "zarr", "numcodecs"),
+    "netcdf": ("zarr", "numcodecs"),
     "mesh": ("pyvista",),
-    "notebook": ("xarray",),
     "test": ("pytest", "hypothesis", "sympy", "h5netcdf", "pandas", "tables", "psutil", "yaml"),
     "docs": ("mkdocs", "material", "mkdocstrings_handlers", "latex2mathml"),
     "dev": ("ruff", "mypy", "importlinter", "clang_format"),

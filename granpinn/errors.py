@@ -6,12 +6,40 @@ base class fixes the exit code of all commands (`granpinn.command.exit_codes`).
 
 from __future__ import annotations
 
+import re
 
-class BadInput(ValueError):
+# A flag, such as --max-time; not in a whole command line to copy.
+FLAG = re.compile(r"(?<![\w-])--([A-Za-z][\w.-]*\w|\w)")
+COMMAND = re.compile(r"granpinn[ .][a-z]+ ")
+
+
+def in_python(text: str) -> str:
+    """A text with names of Python in place of flags."""
+    text = text.replace("--help explains", "help(granpinn.Config) explains")
+    return FLAG.sub(lambda flag: flag[1].replace("-", "_"), text)
+
+
+class Sentence(Exception):
+    """An error whose message is written with the flags of the commands.
+
+    In Python it has the names of arguments and settings instead: `max_time` for --max-time.
+    """
+
+    def __str__(self) -> str:
+        text = self.for_commands
+        return text if COMMAND.search(text) else in_python(text)
+
+    @property
+    def for_commands(self) -> str:
+        """The message with flags."""
+        return super().__str__()
+
+
+class BadInput(Sentence, ValueError):
     """What was given cannot be used: exit code 2. The message is one sentence with the remedy."""
 
 
-class CannotGoOn(RuntimeError):
+class CannotGoOn(Sentence, RuntimeError):
     """The input is fine, but the work cannot be finished: exit code 1."""
 
 

@@ -19,7 +19,7 @@ import pytest
 import torch
 
 from granpinn.data import Flow, write_flow
-from granpinn.results.baseline import Baseline
+from granpinn.inspection.momentum_balance import Baseline
 from tests.flows import make_flow
 
 
@@ -68,8 +68,8 @@ def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def no_balance(monkeypatch: pytest.MonkeyPatch) -> None:
     """Inspections without the momentum balance: it has its own tests and takes most of the time."""
-    inspection = importlib.import_module("granpinn.inspection.inspection")
-    monkeypatch.setattr(inspection, "baseline", lambda *args: Baseline("left out"))
+    balance = importlib.import_module("granpinn.inspection.momentum_balance")
+    monkeypatch.setattr(balance, "baseline", lambda *args: Baseline("left out"))
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ import torch
 from granpinn.checks.momentum_balance import Difference, MomentumBalance
 from granpinn.data import Flow, Truth
 from granpinn.data.scaling import scales_of
+from granpinn.inspection.momentum_balance import Baseline, LawFit, Point
 from granpinn.kernels.network import OUTPUTS, NetworkSpec, initial_parameters
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import DEFAULT, Law
@@ -28,7 +29,6 @@ from granpinn.results import (
     Timing,
     Zones,
 )
-from granpinn.results.baseline import Baseline, LawFit, Point
 from granpinn.results.determined import Determined
 from granpinn.results.fields import Units
 from granpinn.results.identified_law import Curve, IdentifiedLaw, StressPoints

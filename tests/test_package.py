@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -15,7 +16,7 @@ def test_public_names_load(name: str) -> None:
 
 def test_commands_leave_the_functions_of_their_names() -> None:
     code = (
-        "import granpinn; import granpinn.inspect, granpinn.convert, granpinn.simulate; "
+        "import granpinn; import granpinn.inspect.__main__, granpinn.convert, granpinn.simulate; "
         "print(callable(granpinn.inspect), callable(granpinn.convert), callable(granpinn.simulate),"
         "granpinn.laws.__name__)"
     )
@@ -40,7 +41,7 @@ def test_import_loads_neither_torch_nor_the_kernels() -> None:
 
 def test_commands_load_no_part_of_scipy_that_few_flows_need() -> None:
     code = (
-        "import granpinn.command.training_run, granpinn.inspect, sys; "
+        "import granpinn.command.training_run, granpinn.inspect.__main__, sys; "
         "print('scipy.signal' in sys.modules)"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -60,3 +61,11 @@ def test_version_is_that_of_the_installed_distribution() -> None:
     from importlib.metadata import version
 
     assert granpinn.__version__ == version("granpinn")
+
+
+def test_code_that_runs_in_the_package_finds_the_standard_library() -> None:
+    folder = Path(granpinn.__file__).parent
+    code = "import dataclasses, inspect; print(hasattr(inspect, 'signature'))"
+    command = [sys.executable, "-c", code]
+    out = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    assert out.stdout.split() == ["True"]

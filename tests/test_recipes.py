@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SUFFIXES = (".py", ".h", ".cpp", ".cu", ".cuh", ".html")
-EXAMPLES = {"granpinn/inspect.py", "granpinn/simulate.py"}  # in the help of commands
+EXAMPLES = {"granpinn/inspect/__main__.py", "granpinn/simulate.py"}  # in the help of commands
 
 LAW = {
     "csrc/math/laws/coulomb.h",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from granpinn.inspection.momentum_balance import Baseline
 from granpinn.results import Result
-from granpinn.results.baseline import Baseline
 from granpinn.results.decoding import encode
 
 

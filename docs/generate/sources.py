@@ -15,8 +15,8 @@ from functools import partial
 
 from docs.generate import coverage
 from docs.generate.raw import ROOT, STUDIES, rows, text
-from granpinn import checks
 from granpinn.config import Config, flatten
+from granpinn.results.record import FIT, every
 
 Law = tuple[float, float, float]  # mu_s, mu_2, I0
 LAWS = ("mu_s", "mu_2", "true_s", "true_2", "I0", "I_low", "I_high", "true_low")
@@ -220,7 +220,7 @@ def checks_table() -> Iterator[str]:
     """The checks of a fit, in the order in which they are made."""
     yield "| check | name | made | seconds, roughly |"
     yield "|---|---|---|---|"
-    for check in checks.every():
+    for check in every(FIT):
         made = ["by default"] if check.quick else []
         made += [f"`--{check.flag.replace('_', '-')}`"] if check.flag else []
         title, seconds = check.record.title, f"{check.seconds:,.0f}"
@@ -262,12 +262,6 @@ def seconds(numbers: Iterable[float]) -> str:
 def size(numbers: Iterable[float]) -> str:
     """The median of the sizes."""
     return f"{statistics.median(map(abs, numbers)):.2g}"
-
-
-def demonstration() -> str:
-    """The first and the last lines of what the demonstration prints."""
-    lines = text("demonstration").rstrip().splitlines()
-    return fenced("\n".join([*lines[:4], "...", *lines[-2:]]))
 
 
 def fenced(lines: str) -> str:
@@ -316,8 +310,8 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "time.demonstration": lambda: seconds(exits("two EPYC cores", "6000")),
     "time.collapse": lambda: seconds(exits("two EPYC cores", "15000")),
     "time.GPU": lambda: seconds(exits("H100, 15000 steps", "15000")),
-    "demonstration": demonstration,
-    "demonstration.assessment": lambda: fenced(text("demonstration").splitlines()[-1]),
+    "demonstration": lambda: fenced(text("demonstration")),
+    "demonstration.grade": lambda: fenced(text("demonstration").splitlines()[-2]),
     "tests": lambda: fenced(text("tests")),
     "jets.table": table(jets_table),
     "studies": table(studies),

@@ -34,14 +34,13 @@ from threading import Event
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.checks import Check
 from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.fit.case import member_seed
 from granpinn.fit.context import Context, values_alone
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
-from granpinn.results.record import CARE, Reason, Record, Table
+from granpinn.results.record import CARE, Check, Reason, Record, Table
 from granpinn.results.summary import NORMAL_90
 from granpinn.second_opinion.drawn_noise import DrawnNoise, noise_of, with_noise
 from granpinn.second_opinion.sampled import Sampler

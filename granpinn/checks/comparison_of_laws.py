@@ -13,16 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granpinn.checks import Check
 from granpinn.config import Config, ConfigError
+from granpinn.estimates.confined import undetermined
 from granpinn.fit.case import Case, fixed_values
 from granpinn.fit.context import Context
 from granpinn.fit.free_curve import FreeCurve, NoFreeCurveError, quadratic_of
-from granpinn.inspection.confined import undetermined
 from granpinn.physics.laws import LAWS, cohesive, free
 from granpinn.results import Parameter, Parameters, Result
 from granpinn.results.compared_law import ComparedLaw
-from granpinn.results.record import CARE, Reason, Record, Table
+from granpinn.results.record import CARE, Check, Reason, Record, Table
 from granpinn.uncertainty import law_choice
 from granpinn.uncertainty.law_choice import Cohesion
 

@@ -7,15 +7,13 @@ from typing import cast
 
 import numpy as np
 
-from granpinn.checks import Check
 from granpinn.config import Level
+from granpinn.estimates.confined import undetermined
 from granpinn.fit.case import Case
 from granpinn.fit.context import Context
-from granpinn.inspection.baseline import I0
-from granpinn.inspection.confined import undetermined
+from granpinn.inspection.momentum_balance import I0, Baseline, Point
 from granpinn.results import Parameters, Result
-from granpinn.results.baseline import Baseline, Point
-from granpinn.results.record import BAD, CARE, GOOD, Reason, Record
+from granpinn.results.record import BAD, CARE, GOOD, Check, Reason, Record
 from granpinn.results.summary import friction_sd
 
 SIGNIFICANT = 3.0  # standard errors between the momentum balance and the law

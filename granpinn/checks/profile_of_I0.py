@@ -34,13 +34,12 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
-from granpinn.checks import Check
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.fit.context import Context, values_alone
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameters, Result
-from granpinn.results.record import Record, Table
+from granpinn.results.record import Check, Record, Table
 from granpinn.results.summary import BAND_POINTS
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.progress import Progress

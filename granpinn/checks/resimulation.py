@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.checks import Check
 from granpinn.data import Flow
 from granpinn.data.norms import rms
 from granpinn.data.steady import steady_mean
@@ -21,7 +20,7 @@ from granpinn.data.symmetry import with_layer
 from granpinn.fit.context import Context
 from granpinn.physics.laws import Law
 from granpinn.results import plain
-from granpinn.results.record import Record
+from granpinn.results.record import Check, Record
 from granpinn.second_opinion import layers
 from granpinn.second_opinion.comparison import Comparison, compare
 from granpinn.second_opinion.scenes import GrainColumn, scene_of

@@ -20,12 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from granpinn.checks import Check
 from granpinn.errors import CannotGoOn
 from granpinn.fit.context import Context, values_alone
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import Result
-from granpinn.results.record import BAD, GOOD, Reason, Record, Table
+from granpinn.results.record import BAD, GOOD, Check, Reason, Record, Table
 from granpinn.uncertainty.error_bars import NAMES
 from granpinn.uncertainty.error_model import ends_of, line
 

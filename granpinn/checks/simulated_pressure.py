@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.checks import Check
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.data.symmetry import axes_of
@@ -23,7 +22,7 @@ from granpinn.fit import prediction, scoring
 from granpinn.fit.case import Case, Model
 from granpinn.fit.context import Context
 from granpinn.results import Fields, append_variable
-from granpinn.results.record import Record
+from granpinn.results.record import Check, Record
 from granpinn.second_opinion.simulated_pressure import Velocity, at_frames
 
 EACH_FRAME = 0.5  # seconds of a frame on one idle core; none begins later before a time limit
@@ -183,4 +182,4 @@ def difference(case: Case, fields: Fields) -> tuple[float | None, float | None]:
     return flowing, stagnant
 
 
-CHECK = Check("simulated_pressure", SimulatedPressure, make, seconds=10.0)
+CHECK = Check("simulated_pressure", SimulatedPressure, make, seconds=5.0)

@@ -33,13 +33,12 @@ from typing import NamedTuple
 import numpy as np
 
 from granpinn.arrays import Float32, Float64, Int64
-from granpinn.checks import Check
 from granpinn.data import Flow, add_noise
 from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer
 from granpinn.fit.context import Context
 from granpinn.physics.laws import mu_of_i
-from granpinn.results.record import Record
+from granpinn.results.record import Check, Record
 from granpinn.second_opinion.law_runs import SPACING, LawRuns, Node
 from granpinn.second_opinion.response_surface import (
     REACH,

@@ -31,7 +31,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn
 
-from granpinn.errors import BadInput, CannotGoOn, Interrupted, memory_sentence
+from granpinn.errors import BadInput, CannotGoOn, Interrupted, Sentence, memory_sentence
 from granpinn.signals import Handler, handled_by, set_handler
 from granpinn.terminal import visible
 
@@ -65,7 +65,7 @@ def exit_code(command: str, run: Callable[[], int]) -> int:
 
 def conclusion(error: BaseException) -> tuple[int, str]:
     """Exit code and sentence for an error."""
-    text = str(error)
+    text = error.for_commands if isinstance(error, Sentence) else str(error)
     match error:
         case BadInput():
             return 2, text

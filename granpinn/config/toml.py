@@ -31,7 +31,7 @@ def read_saved(path: Path) -> dict[str, Any]:
     except OtherVersionError as error:
         raise ConfigError(
             f"{path.parent} holds a run of another version of granpinn (its config.toml has "
-            f"{error.what}): resume it with that version, or begin anew with another --out"
+            f"{error.what}): resume it with that version, or begin anew with another folder"
         ) from None
 
 

@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from granpinn.arrays import Floats
+from granpinn.arrays import Float64, Floats
+from granpinn.data import Flow
 from granpinn.data.scaling import origin_of
 from granpinn.figures.style import (
     BLACK,
@@ -67,6 +68,33 @@ def grain_window(fields: Fields, k: int) -> Window:
         slice(max(int(rows[0]) - 1, 0), int(rows[-1]) + 2),
         slice(max(int(columns[0]) - 1, 0), int(columns[-1]) + 2),
     )
+
+
+@styled
+def map_of_grid(
+    flow: Flow, values: Float64, text: str, limits: tuple[float, float] | None = None
+) -> Drawing:
+    """One field [Y, X] over the whole grid of a flow; `text` labels its colors."""
+    aspect = float(np.ptp(flow.y) / np.ptp(flow.x))
+    figure = new_figure(float(np.clip((WIDTH - 1.6) * aspect + 0.7, 2.4, 7.0)))
+    axes = figure.subplots()
+    finite = values[np.isfinite(values)]
+    if limits is None:
+        limits = (0.0, float(np.quantile(finite, 0.998)) if finite.size else 1.0)
+    image = axes.pcolormesh(
+        flow.x,
+        flow.y,
+        np.ma.masked_invalid(values),
+        vmin=limits[0],
+        vmax=limits[1] or 1.0,
+        cmap=VALUE_MAP,
+        shading="nearest",
+    )
+    axes.set_aspect("equal")
+    axes.set_xlabel(label("$x$", flow.length_unit))
+    axes.set_ylabel(label("$y$", flow.length_unit))
+    figure.colorbar(image, ax=axes, label=text, pad=0.02)
+    return Drawing(figure, text)
 
 
 @styled

@@ -29,24 +29,22 @@ from granpinn.data.flow import Surface
 from granpinn.data.memory import available
 from granpinn.data.points import surface_of
 from granpinn.data.scaling import scales_of
-from granpinn.data.steady import said, steady_mean
+from granpinn.data.steady import said
 from granpinn.data.surface_sd import surface_sd
 from granpinn.data.surface_strip import LARGEST_PART
-from granpinn.data.symmetry import with_layer
 from granpinn.data.variants import training_sets
 from granpinn.data.walls import grid_spacing, segments_of
 from granpinn.estimates.facts import Facts
+from granpinn.estimates.inertia import inertial_numbers
 from granpinn.fit.scoring import strain_rate_of
-from granpinn.inspection.baseline import baseline
-from granpinn.inspection.inertia import inertial_numbers
-from granpinn.inspection.slips import refuse_slips
+from granpinn.inspection import refuse_slips
+from granpinn.inspection.momentum_balance import Baseline, baseline
 from granpinn.kernels import builds
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, Law
 from granpinn.physics.scales import Scales
-from granpinn.results.baseline import Baseline
-from granpinn.results.slip import Slip
+from granpinn.results.record import Reason
 from granpinn.training import problem, room
 from granpinn.training.objective import Member
 
@@ -103,7 +101,7 @@ class Case:
     """
 
     flow: Flow
-    slips: tuple[Slip, ...]
+    slips: tuple[Reason, ...]
     config: Config
     scales: Scales
     member: Member
@@ -158,7 +156,7 @@ def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
     return posed(*sound(flow), config)
 
 
-def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[Slip, ...]]:
+def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[Reason, ...]]:
     """A flow that was read and checked (a steady one as its mean), and its likely slips.
 
     Raises:
@@ -168,11 +166,11 @@ def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[Slip, ...]]:
         check_flow(flow)
     else:
         flow = read_flow(flow)
-    slips = tuple(refuse_slips(flow := with_layer(flow)))
-    return steady_mean(flow), slips
+    checked = refuse_slips(flow)
+    return checked.whole, checked.slips
 
 
-def posed(flow: Flow, slips: tuple[Slip, ...], config: Config) -> Case:
+def posed(flow: Flow, slips: tuple[Reason, ...], config: Config) -> Case:
     """The problem of a sound flow with its likely slips."""
     # Training gets neither the true parameters nor the reference pressure.
     bare = dataclasses.replace(flow, truth=None, p=None)

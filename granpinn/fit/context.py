@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from granpinn.config import Config
@@ -17,7 +18,7 @@ from granpinn.fit.free_curve import with_free_band
 from granpinn.fit.shear import Shear, shear_of, with_curve
 from granpinn.results import Fields, Result, write_csv, write_fields, write_results
 from granpinn.results.attempt import NotDone, attempt
-from granpinn.results.record import Record
+from granpinn.results.record import Check, Record
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty.sensitivity import Assumption
 
@@ -75,6 +76,11 @@ class Context:
             write_csv(result, self.folder / "results.csv")
         if self.shown is not None:
             self.shown(result)
+
+    def take(self, check: Check) -> None:
+        """Make a check; what it finds, or why it failed, is written and shown."""
+        self.attempt(check.name, partial(check.make, self))
+        self.keep(self.result)
 
     def attempt(self, part: str, work: Callable[[], Record | None]) -> None:
         """Do what may fail alone (results/attempt.py); the result has the reason then."""

@@ -9,9 +9,9 @@ import numpy as np
 
 from granpinn.arrays import Floats
 from granpinn.data import TrainingSet
+from granpinn.estimates.confined import undetermined
 from granpinn.fit.case import Case, Model
 from granpinn.fit.prediction import evaluate
-from granpinn.inspection.confined import undetermined
 from granpinn.results import Fields, Result
 from granpinn.results.zones import D2_STAGNANT, shearing
 from granpinn.uncertainty import curve

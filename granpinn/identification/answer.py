@@ -10,7 +10,6 @@ import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from granpinn.checks import NONE, Check
 from granpinn.checks.comparison_of_laws import places
 from granpinn.data import Flow
 from granpinn.fit import assumptions, ensemble
@@ -21,6 +20,7 @@ from granpinn.identification.identified import Identification, InFolder, InMemor
 from granpinn.output import OutputError, replacing
 from granpinn.results import Result
 from granpinn.results.attempt import PENDING, NotDone, attempt
+from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty.sensitivity import without_effect
 

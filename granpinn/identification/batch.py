@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from granpinn import results
-from granpinn.checks import make, momentum_balance, wanted
+from granpinn.checks import momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions
 from granpinn.config import Config, ConfigError
 from granpinn.config.settings import config_of
@@ -34,6 +34,7 @@ from granpinn.identification.start import (
 from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
+from granpinn.results.record import make
 from granpinn.second_opinion.threads import threads
 from granpinn.training.parallel import gather_texts, processes
 from granpinn.training.progress import Progress

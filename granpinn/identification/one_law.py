@@ -9,18 +9,19 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from granpinn.checks import comparison_of_laws, make, shared_law, wanted
+from granpinn.checks import comparison_of_laws, shared_law, wanted
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
+from granpinn.estimates.confined import undetermined
 from granpinn.fit.case import Case, choose_device, members, pose
 from granpinn.fit.one_law import result_of, share_error_bars
 from granpinn.identification import answer
 from granpinn.identification.batch import identify_many
 from granpinn.identification.identified import Identification, OfFlows
 from granpinn.identification.start import CHECKS, ERROR_BARS, histories, prepare, start
-from granpinn.inspection.confined import undetermined
 from granpinn.output import owned
 from granpinn.results import Result
+from granpinn.results.record import make
 from granpinn.second_opinion.threads import threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
-from granpinn.checks import make, momentum_balance, wanted
+from granpinn.checks import momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions
 from granpinn.config import Config, ConfigError
 from granpinn.config.settings import config_of
@@ -31,6 +31,7 @@ from granpinn.laws import register
 from granpinn.output import owned
 from granpinn.physics.laws import Law
 from granpinn.results import Result
+from granpinn.results.record import make
 from granpinn.second_opinion.threads import threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row
@@ -91,7 +92,7 @@ def identify(
     if not isinstance(flow, Flow | str | os.PathLike):
         if not flow or not one_law:
             raise ConfigError(
-                f"identify takes one flow, got a list of {len(flow)}: add one_law=True for one law "
+                f"flow must be one flow, got a list of {len(flow)}: add one_law=True for one law "
                 "of all, or identify each with identify_many"
             )
         if len(flow) > 1:

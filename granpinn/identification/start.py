@@ -7,14 +7,14 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from granpinn.checks import NONE, Check
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
+from granpinn.estimates.confined import undetermined
 from granpinn.fit import assumptions
 from granpinn.fit.case import Case, choose_device
 from granpinn.identification.answer import parts_of
-from granpinn.inspection.confined import undetermined
 from granpinn.output import make_folder, objection_to_folder, write_text
+from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes
@@ -23,7 +23,7 @@ from granpinn.training.room import require_room
 from granpinn.training.time_limit import Limit
 
 ERROR_BARS, CHECKS = "error bars", "checks"  # stages after the training
-LAST_LAYER = 600  # steps that take as long as last layer and fields
+LAST_LAYER = 500  # steps that take as long as last layer and fields
 FIELDS = 100  # the same without steps in the last layer
 LONG = 60.0  # seconds; checks that take longer are not part of a time limit
 
@@ -62,12 +62,12 @@ def start(
     limit = None
     if config.max_time is not None:
         later = config.max_time * share / (1 + share)
-        until = begin + config.max_time
-        limit = Limit(until, config.max_time, later, steps, quick, len(cases))
+        limit = Limit(begin + config.max_time, config.max_time, later, steps, quick, len(cases))
     progress = progress or by_default()
     everything = shown * sum(check.seconds for check in checks)
     stages = [Stage(ERROR_BARS, steps=steps, share=share), Stage(CHECKS, everything)]
-    progress.plan(stages, limit.until if limit and everything == quick else None)
+    until = limit.until if limit and everything == quick else None
+    progress.plan(stages, until, len(cases))
     run = TrainingLoop(objective, config, folder, progress, limit, members, together)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
     many += f"{together.size} processes, " if together.size > 1 else ""
@@ -116,10 +116,10 @@ def prepare(folder: Path, config: Config, members: int = 1) -> Path:
     if taken and not config.resume:
         raise ConfigError(
             f"{folder} already holds a run ({taken[0]}): add --resume to continue it, or choose "
-            f"another --out"
+            f"another folder"
         )
     if objection := objection_to_folder(folder):
-        raise ConfigError(f"--out {objection}")
+        raise ConfigError(f"run_dir {objection}")
     for part in parts_of(folder, members):
         make_folder(part)
     if not (config.resume and (folder / "config.toml").exists()):

@@ -23,7 +23,7 @@ from granpinn.importers.vectors import DataFileError
 def read(source: Source, **settings: Any) -> Flow:
     """A flow from files of a PIV, PTV or simulation program, or from arrays.
 
-        flow = granpinn.importers.read(
+        flow = granpinn.read(
             "run/PIVlab_*.txt",
             scale="0.12 mm/px",
             frame_rate="500 Hz",

@@ -1,280 +1,360 @@
-"""Stress from the momentum balance alone, without a network and without measured pressures inside.
+"""The friction law from the momentum balance alone: the baseline that needs no network.
 
-Gravity and the measured acceleration fix the stress below a free surface. With the deviator along
-the strain rate, tau = q n, n = D/|D| (n_xx^2 + n_xy^2 = 1), and no stress on the surface y = h,
+mu = <q n_xy/p> / <n_xy> in bins of I, over the cells of momentum_balance, with the sign of n_xy.
+Averages are taken before the division by n_xy. Points of a large standard error are left out. The
+standard error of a bin has six parts:
 
-    N = p + q n_xx = int_y^h [rho (a_y - g_y) - d_x (q n_xy)] dy
-    q n_xy         = int_y^h [-rho (a_x - g_x) - d_x (p - q n_xx)] dy
+- scatter: jackknife over blocks of time and space, as neighbors share their errors;
+- window: the change with windows of the local fits that are a cell wider on each side;
+- noise: the change with the noise of the vectors added once more, where noise widens the windows.
+  The bias by noise grows with its variance, so it changes by as much as it is;
+- depth: half the difference between the upper and the lower half of the cells;
+- model: 2 %, as the normal stresses of grains differ by some per cent, which no law with its
+  deviator along the strain rate has (bench/studies/grains);
+- side_walls: the change with one standard deviation of their friction, if there are any.
 
-go down every vertical line of cells. Under a plate on the grains, its pressure and shear stress are
-added. d_x is taken of the integrals, which vanish at the surface. In the terms with q itself,
-q = mu(I) p with the law mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) that fits the second line best.
-Both are iterated from q = 0.4 p. So the noise of q in a cell does not reach the cells below it, nor
-those where the shear is not parallel to the axes, |n_xy| << 1. A flow that is periodic along x is
-averaged along x first: then d_x = 0. Friction of side walls adds the force -k p v/|v| to rho g
-(granpinn/physics/side_walls.py), also iterated.
-
-Velocities are smoothed by local quadratic fits. The error of the shear rate is estimated from what
-the fits leave, and its square is subtracted from that of the shear rate.
+Window, depth and side walls are taken from laws through the cells, so that they do not count the
+scatter again. Where more than the base carries the grains, the shear stress points against the
+shear in many cells, by more than the noise of a cell explains. The added noise shows that as well.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.data import Flow
-from granpinn.estimates.quadratic_fits import line_slopes, noise_of, smooth
-from granpinn.inspection.gaps import mean_along_x, nearest
-from granpinn.inspection.side_walls import side_walls
-from granpinn.inspection.upright import Upright, upright
+from granpinn.config import SideWalls
+from granpinn.data import Flow, add_noise
+from granpinn.data.flow import WALL_GAP
+from granpinn.data.noise import max_speed
+from granpinn.estimates.hanging import hanging
+from granpinn.estimates.robust import spread
+from granpinn.estimates.stress import Stress, momentum_balance
+from granpinn.estimates.upright import upright
+from granpinn.inspection import Inspection
+from granpinn.results.record import GOOD, Check, Reason, Record
 
-START = 0.4  # q/p before the first iteration
-LEAST_SHEAR = 0.7  # |n_xy| from which q is known
-SHALLOWEST = (2.0, 1.0)  # grain diameters and cells below the surface
-LEAST_WEIGHT = 0.3  # p over the weight of the grains above: less is nearly free fall
-RATE_OVER_NOISE = 2.5  # least shear rate in standard deviations
-SLOWEST = 3e-3  # least inertial number of a cell that is used
-LARGEST = 1.5  # friction of the law that is iterated
-ITERATIONS = 20
-SIDEWAYS = 7  # cells of the window in which d_x is taken
-FULL = 0.999  # volume fraction of a cell that is used; of a row, if it is averaged along x:
-FULL_ROW = 0.95
-MOST_CELLS = 25_000  # frames are left out from this number of vectors on
-FEWEST_FRAMES = 5  # of a flow that changes with time
-FEWEST_CELLS = 20  # that the law is fitted to
+I0 = 0.3
+BINS = 8
+FEWEST_CELLS = 20  # of a bin
+FEWEST_ROWS = 3  # of a bin where each is the mean over all columns and there are few
+NARROW = 2.0  # a range of I over less than this factor holds one friction and no law
+# Smallest windows first, with the largest error of the shear rate over its median.
+WINDOWS = ((1, 0.02), (2, 0.05), (3, 0.1), (4, np.inf))
+WRONG_SIGN = 0.25  # largest share of cells whose shear stress points against the shear,
+SURE = 2.0  # by so many standard deviations of the noise of a cell
+MODEL = 0.02  # of mu, relative
+LARGEST_ERROR = 0.25  # of mu, relative
+SEED = 0  # of the noise that is added
+TIMES, PLACES = 4, 2  # blocks of the jackknife; with fewer frames, more in space
 
 
-@dataclass(frozen=True, eq=False)
-class Stress:
-    """Stress of the chosen frames, [K, Y, X]; X = 1 for a periodic flow; units of the file.
+@dataclass(frozen=True)
+class Point:
+    """Friction mu in a bin of I, with its standard error, from so many cells."""
+
+    I: float
+    mu: float
+    se: float
+    cells: int
+
+
+@dataclass(frozen=True)
+class LawFit:
+    """mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) through the points, with standard deviations."""
+
+    mu_s: float
+    mu_2: float
+    I0: float
+    mu_s_sd: float
+    mu_2_sd: float
+
+
+@dataclass(frozen=True)
+class Baseline(Record):
+    """What the momentum balance alone says about the friction.
 
     Attributes:
-        frames: their indices [K].
-        p: pressure.
-        shear, normal: q n_xy and p n_xy with the sign of n_xy; their ratio is the friction.
-        inertial_number: I = gdot d sqrt(rho_grain/p).
-        depth: below the surface line.
-        used: full cells that shear and in which q is known.
-        sigma: noise of a velocity component, from what the local fits leave.
-        rate_error: standard deviation of the shear rate over its median.
+        reason: why the balance does not apply, in words; None if it applies.
+        carried: whether that is because more than the base carries the grains.
+        points: in bins of I between its 5th and 95th percentile.
+        mean: of all cells in this range.
+        law: None where the range is narrow or fewer than three bins are filled.
+        window: cells on each side of the local fits.
+        parts: relative standard errors of `mean` by their sources.
+        wall_friction: friction of the side walls that it counts; None without `wall_gap`.
     """
 
-    frames: Index
-    p: Float64
-    shear: Float64
-    normal: Float64
-    inertial_number: Float64
-    depth: Float64
-    used: Bool
-    sigma: float
-    rate_error: float
+    reason: str | None = None
+    points: tuple[Point, ...] = ()
+    mean: Point | None = None
+    law: LawFit | None = None
+    window: int | None = None
+    parts: dict[str, float] | None = None
+    carried: bool = False
+    wall_friction: float | None = None
+
+    @property
+    def I_range(self) -> tuple[float, float] | None:
+        """I of the first and the last point."""
+        return (self.points[0].I, self.points[-1].I) if self.points else None
+
+    @property
+    def shown(self) -> tuple[Point, ...]:
+        """The first point, the mean and the last point; the mean alone in a narrow range."""
+        if self.reason is not None or self.mean is None:
+            return ()
+        if len(self.points) < 3:
+            return (self.mean,)
+        return (self.points[0], self.mean, self.points[-1])
+
+    def reasons(self, of: Inspection) -> list[Reason]:
+        return [Reason(GOOD, self.sentence)]
+
+    @property
+    def sentence(self) -> str:
+        """The friction in a sentence, without the network."""
+        if not self.shown:
+            return f"The momentum balance alone, without a network, does not apply: {self.reason}."
+        text = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
+        return f"The momentum balance alone, without a network, gives mu = {text}{self._walls}."
+
+    @property
+    def _walls(self) -> str:
+        friction = self.wall_friction
+        return "" if friction is None else f", with the friction {friction:g} of the side walls"
+
+    def __str__(self) -> str:
+        """The line for the terminal."""
+        if not self.shown:
+            return f"momentum balance, no network: it does not apply: {self.reason}"
+        values = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
+        return f"momentum balance, no network: mu = {values}{self._walls}"
 
 
-def momentum_balance(
-    flow: Flow, half: int = 2, I0: float = 0.3, wall_friction: float = 0.0
-) -> Stress | str:
-    """The stress of a flow, or the reason in words why the balance does not apply.
+def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) -> Baseline:
+    """The friction of a flow from the momentum balance.
 
     Args:
-        half: cells on each side of the windows of the local fits; frames: at least 2.
-        I0: inertial scale of the law that is iterated.
-        wall_friction: friction of the side walls, where the flow states their distance.
+        I0: inertial scale of the law through the points.
+        side_walls: their friction, for a flow that states their distance.
     """
-    pose = upright(flow, SIDEWAYS // 2)
-    if isinstance(pose, str):
-        return pose
-    chosen = _frames(pose, max(half, 2))
-    if isinstance(chosen, str):
-        return chosen
-    found = [_kinematics(pose, int(k), half) for k in chosen]
-    a_x, a_y, d_xx, d_xy, c, below, rest, *v = (np.stack(part) for part in zip(*found, strict=True))
-    _, dy, dx = spacing = _spacing(pose, slice(None))
-    rate = 2 * np.hypot(d_xx, d_xy)
-    known = np.isfinite(a_x) & (rate > 0)
-    nan = np.full_like(rate, np.nan)
-    n_xx, n_xy = (
-        nearest(np.divide(2 * d, rate, out=nan.copy(), where=known)) for d in (d_xx, d_xy)
-    )
-    gdot = nearest(rate)
-    full = known & (c > (FULL_ROW if pose.periodic else FULL))
-    full &= below > max(SHALLOWEST[0] * flow.grain_diameter, SHALLOWEST[1] * dy)
-    if not pose.periodic:
-        full &= pose.clear[chosen][:, None]
-    if not full.any():
-        return "no full cell lies below a surface line that is not steep and does not fold"
-    of_slope = noise_of(_windows(pose, half), spacing)
-    sigma = float(np.sqrt(rest[full].mean()) / of_slope[3])
-    error = sigma * float(np.hypot(of_slope[1], of_slope[2]))
-    usual = float(np.median(gdot[full]))
-    full &= (np.abs(n_xy) > LEAST_SHEAR) & (gdot > RATE_OVER_NOISE * error)
-    gdot = np.sqrt(np.maximum(gdot**2 - error**2, 0.0))
-    density = flow.density if flow.grain_density is None else flow.grain_density
-    pressure, drag = _load(pose, n_xy[full], flow.density)
-    lines = _Lines(
-        drag=drag - _integral(flow.density * (nearest(a_x) - pose.gravity[0]), below, dy),
-        weight=pressure + _integral(flow.density * (nearest(a_y) - pose.gravity[1]), below, dy),
-        hydrostatic=pressure - pose.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
-        n_xx=n_xx,
-        n_xy=n_xy,
-        rate=gdot * flow.grain_diameter * np.sqrt(density),
-        below=below,
-        full=full,
-        spacing=(dy, dx),
-        side_walls=side_walls(flow, wall_friction, *map(nearest, v)),
-    )
-    p, shear, used = lines.solve(I0)
-    side = np.sign(n_xy)
-    number = lines.inertial_number(p)
-    return Stress(
-        chosen, p, side * shear, p * np.abs(n_xy), number, below, used, sigma, error / usual
-    )
-
-
-def _load(pose: Upright, n_xy: Float64, density: float) -> tuple[float, float]:
-    """Pressure and shear stress at the upper edge of the cells: those of the plate, and the weight
-    of the grains between both. Zero for a free surface."""
-    p, tau = pose.load
-    if p == 0 and tau == 0:
-        return 0.0, 0.0
-    dy = float(np.diff(pose.y).mean())
-    between = max(0.0, float(pose.height.max() - pose.y[-1]) - dy / 2) * density
-    side = float(np.sign(np.mean(n_xy))) if n_xy.size else 0.0
-    return p - pose.gravity[1] * between, side * tau + pose.gravity[0] * between
-
-
-@dataclass(frozen=True, eq=False)
-class _Lines:
-    """What the balance integrates down the lines of cells; all [K, Y, X].
-
-    Attributes:
-        drag, weight: integrals of -rho (a_x - g_x) and rho (a_y - g_y) from the surface down.
-        hydrostatic: the weight of grains at rest, infinite above the surface.
-        n_xx, n_xy: direction of the strain rate.
-        rate: I sqrt(p).
-        below: depth below the surface.
-        full: cells whose stress is known.
-        spacing: of the cells along y and x.
-        side_walls: k v/|v| of their friction, along x and y; None without them.
-    """
-
-    drag: Float64
-    weight: Float64
-    hydrostatic: Float64
-    n_xx: Float64
-    n_xy: Float64
-    rate: Float64
-    below: Float64
-    full: Bool
-    spacing: tuple[float, float]
-    side_walls: tuple[Float64, Float64] | None
-
-    def solve(self, I0: float) -> tuple[Float64, Float64, Bool]:
-        """p, q n_xy, and the cells in which they are used."""
-        p, q = self.weight, START * self.weight
-        law = np.array([START, START])
-        for _ in range(ITERATIONS):
-            drag, weight = self._forces(p)
-            p = (p + weight - self._along_x(q * self.n_xy) - q * self.n_xx) / 2
-            shear = drag - self._along_x(p - q * self.n_xx)
-            number = self.inertial_number(p)
-            used = self.full & (p > LEAST_WEIGHT * self.hydrostatic) & (number > SLOWEST)
-            x = number / (number + I0)
-            if used.sum() >= FEWEST_CELLS:
-                law = (law + _law(x[used], shear[used] / p[used], self.n_xy[used])) / 2
-            mu = np.clip(law[0] * (1 - x) + law[1] * x, 0.0, LARGEST)
-            q = (q + mu * np.maximum(p, 0.0)) / 2
-        return p, shear, used
-
-    def _forces(self, p: Float64) -> tuple[Float64, Float64]:
-        """`drag` and `weight` with the friction of side walls under a pressure."""
-        if self.side_walls is None:
-            return self.drag, self.weight
-        f_x, f_y = (
-            -_integral(along * np.maximum(p, 0.0), self.below, self.spacing[0])
-            for along in self.side_walls
+    if flow.source is not None:
+        return Baseline("the flow has a source of momentum, and the balance has gravity alone")
+    side_walls = side_walls or SideWalls()
+    pose = upright(flow, 0)
+    held = None if isinstance(pose, str) else hanging(flow, pose)
+    if held is not None:
+        return Baseline(held, carried=True)
+    window, stress = 0, None
+    for window, largest in WINDOWS:
+        found = momentum_balance(flow, window, I0, side_walls.friction)
+        if isinstance(found, str):
+            return Baseline(found)
+        stress = found
+        if found.rate_error < largest:
+            break
+    assert stress is not None
+    cells = _Cells(stress)
+    if len(cells.I) < cells.fewest:
+        return Baseline(
+            f"friction shows in {len(cells.I)} cells below the surface, and it needs {cells.fewest}"
         )
-        return self.drag + f_x, self.weight - f_y
-
-    def inertial_number(self, p: Float64) -> Float64:
-        """I with a pressure; 0 where that is not positive."""
-        return np.asarray(self.rate / np.sqrt(np.where(p > 0, p, np.inf)))
-
-    def _along_x(self, stress: Float64) -> Float64 | float:
-        """d_x of the integral of a stress from the surface down; 0 for a single line."""
-        dy, dx = self.spacing
-        integral = _integral(stress, self.below, dy)
-        if integral.shape[2] == 1:
-            return 0.0
-        return line_slopes(integral, SIDEWAYS, dx)
-
-
-def _law(x: Float64, ratio: Float64, n_xy: Float64) -> Float64:
-    """(mu_s, mu_2) from q n_xy / p = n_xy (mu_s (1 - x) + mu_2 x), x = I/(I + I0), by least
-    squares."""
-    matrix = np.stack([n_xy * (1 - x), n_xy * x], axis=1)
-    return np.asarray(np.linalg.lstsq(matrix, ratio, rcond=None)[0])
-
-
-def _frames(pose: Upright, half: int) -> Index | str:
-    """Frames with a surface line and evenly spaced neighbors, at most MOST_CELLS vectors."""
-    n = len(pose.t)
-    if not pose.steady and n < FEWEST_FRAMES:
-        return f"the flow has {n} frames, and the acceleration needs {FEWEST_FRAMES}"
-    good: Bool = np.asarray(np.isfinite(pose.height).any(axis=1))
-    if not pose.steady:
-        step = np.diff(pose.t)
-        for k in range(n):
-            near = step[max(0, k - half) : min(n - 1, k + half)]
-            good[k] &= bool(np.abs(near / pose.interval - 1).max() < 0.02)
-    found = np.flatnonzero(good)
-    if len(found) == 0:
-        return "no frame has a surface line and neighbors at even intervals of time"
-    vectors = sum(int(np.isfinite(pose.u[k]).sum()) for k in found)
-    every = 1 if pose.periodic else max(1, -(-vectors // MOST_CELLS))
-    return np.asarray(found[min(every - 1, len(found) - 1) // 2 :: every])
-
-
-def _kinematics(pose: Upright, k: int, half: int) -> tuple[Float64, ...]:
-    """a_x, a_y, d_xx, d_xy, c, depth, squared rest of the fit, u, v of one frame [Y, X]."""
-    frames = _windows(pose, half)[0]
-    before = min(frames, k)
-    near = slice(k - before, k + frames + 1)
-    u, v, c = (np.asarray(a[near], np.float64) for a in (pose.u, pose.v, pose.c))
-    height = pose.height[k]
-    if pose.periodic:
-        u, v, c = (mean_along_x(a, u) for a in (u, v, c))
-        height = np.nanmean(height, keepdims=True)
-    weight = (np.isfinite(u) & np.isfinite(v)).astype(float)
-    at = np.zeros(u.shape, bool)
-    at[before] = weight[before] > 0
-    fit_u, fit_v = smooth([u, v], weight, _spacing(pose, near), _windows(pose, half), at=at)
-    U, V = (f.value[before] for f in (fit_u, fit_v))
-    u_t, u_y, u_x = (a[before] for a in (fit_u.t, fit_u.y, fit_u.x))
-    v_t, v_y, v_x = (a[before] for a in (fit_v.t, fit_v.y, fit_v.x))
-    below = np.nan_to_num(height, nan=-np.inf)[None, :] - pose.y[:, None]
-    rest = ((u[before] - U) ** 2 + (v[before] - V) ** 2) / 2
-    acceleration = (u_t + U * u_x + V * u_y, v_t + U * v_x + V * v_y)
-    return (*acceleration, (u_x - v_y) / 2, (u_y + v_x) / 2, c[before], below, rest, U, V)
+    noisier = _noisier(flow, stress, window, I0, side_walls.friction)
+    wrong = float(np.mean(cells.shear / cells.normal < -SURE * _noise_of_friction(stress, noisier)))
+    bins = list(cells.bins())
+    points = [cells.point(k, I0) for k in bins]
+    mean = cells.point(np.flatnonzero(cells.within), I0)
+    if wrong > WRONG_SIGN or mean.mu < -SURE * mean.se:
+        return Baseline(
+            f"the shear stress points the wrong way in {wrong:.0%} of the cells, so more than the "
+            "base carries the grains: side walls in the plane, or an obstacle",
+            window=window,
+            carried=True,
+        )
+    wider = momentum_balance(flow, window + 1, I0, side_walls.friction)
+    gap = flow.stated(WALL_GAP)
+    rougher: Stress | str = "without side walls"
+    if gap is not None and side_walls.friction_sd > 0:
+        rougher = momentum_balance(flow, window, I0, side_walls.friction + side_walls.friction_sd)
+    upper, lower = cells.halves()
+    at = np.array([*(p.I for p in points), mean.I])
+    of_window, of_walls = (cells.change(other, at, I0) for other in (wider, rougher))
+    of_noise = cells.changes(noisier)
+    of_depth = np.abs(upper.curve(at, I0) - lower.curve(at, I0)) / 2
+    scatter = np.array([*(p.se for p in points), mean.se])
+    of_model = MODEL * np.array([*(p.mu for p in points), mean.mu])
+    parts = {"scatter": scatter, "window": of_window, "depth": of_depth, "model": of_model}
+    parts |= {} if isinstance(noisier, str) else {"noise": of_noise}
+    parts |= {} if gap is None else {"side_walls": of_walls}
+    total = np.sqrt(sum(part**2 for part in parts.values()))
+    points = [replace(p, se=float(se)) for p, se in zip(points, total[:-1], strict=True)]
+    points = [p for p in points if p.se < LARGEST_ERROR * p.mu]
+    mean = replace(mean, se=float(total[-1]))
+    relative = {name: float(part[-1] / abs(mean.mu)) for name, part in parts.items()}
+    reason = None
+    if not mean.se < LARGEST_ERROR * mean.mu:
+        worst = max(relative, key=lambda name: relative[name])
+        reason = f"{_DISAGREEMENT[worst]} by {relative[worst]:.0%}"
+    law = _law(points, I0)
+    friction = None if gap is None else side_walls.friction
+    return Baseline(reason, tuple(points), mean, law, window, relative, wall_friction=friction)
 
 
-def _windows(pose: Upright, half: int) -> tuple[int, int, int]:
-    """Frames and cells on each side in the local fits; a slope in time needs 2 at the ends."""
-    return (0 if pose.steady else max(half, 2), half, 0 if pose.periodic else half)
+_DISAGREEMENT = {
+    "scatter": "its results in blocks of time and space differ",
+    "window": "its result changes with the smoothing of the velocity",
+    "noise": "its result changes with the noise of the velocity",
+    "depth": "the upper and the lower half of the cells differ",
+    "side_walls": "its result changes with the friction of the side walls",
+}
 
 
-def _spacing(pose: Upright, near: slice) -> tuple[float, float, float]:
-    """Of the frames `near`, and of the cells along y and x."""
-    t = pose.t[near]
-    step = float(np.diff(t).mean()) if len(t) > 1 else 1.0
-    return step, float(np.diff(pose.y).mean()), float(np.diff(pose.x).mean())
+def _noisier(flow: Flow, stress: Stress, window: int, I0: float, friction: float) -> Stress | str:
+    """The balance of a flow with the noise of its vectors added; no balance for little noise."""
+    if stress.rate_error < WINDOWS[0][1]:
+        return "the noise changes nothing"
+    again = add_noise(flow, stress.sigma / max_speed(flow), SEED)
+    return momentum_balance(again, window, I0, friction)
 
 
-def _integral(density: Float64, below: Float64, dy: float) -> Float64:
-    """From the middle of each cell up to the surface, [K, Y, X]; 0 above it."""
-    thickness = np.clip(below + dy / 2, 0, dy)
-    slabs = density * thickness
-    above = np.cumsum(slabs[:, ::-1], axis=1)[:, ::-1] - slabs
-    return np.asarray(np.where(below > 0, above + density * np.maximum(thickness - dy / 2, 0), 0.0))
+def _noise_of_friction(stress: Stress, noisier: Stress | str) -> float:
+    """Robust standard deviation of the friction of a cell by noise; 0 for little noise."""
+    if isinstance(noisier, str):
+        return 0.0
+    both = stress.used & noisier.used
+    change = noisier.shear[both] / noisier.normal[both] - stress.shear[both] / stress.normal[both]
+    return spread(change) or np.inf
+
+
+class _Cells:
+    """The used cells of a stress, [n] each."""
+
+    def __init__(self, stress: Stress) -> None:
+        k = np.nonzero(stress.used)
+        self.I, self.shear, self.normal = (
+            a[k] for a in (stress.inertial_number, stress.shear, stress.normal)
+        )
+        # Errors add up on the way down, in proportion to p at most: cells weigh 1/p.
+        p = np.where(self.normal < 0, -1.0, 1.0) * stress.p[k]
+        self.shear, self.normal = self.shear / p, self.normal / p
+        self.depth = stress.depth[k]
+        few = FEWEST_ROWS if stress.used.shape[2] == 1 else FEWEST_CELLS
+        self.fewest = min(FEWEST_CELLS, max(few, len(self.I) // 4))
+        place = k[2] if stress.used.shape[2] > 1 else self.depth
+        times = min(TIMES, len(stress.frames))
+        places = TIMES * PLACES // times
+        self.block = _parts(k[0], times) * places + _parts(place, places)
+        low, high = np.percentile(self.I, (5, 95)) if len(self.I) else (0.0, 0.0)
+        self.range = float(low), float(high)
+        self.within = (low <= self.I) & (self.I <= high)  # noqa: SIM300
+
+    def bins(self) -> Iterator[Index]:
+        """Indices of the cells of every filled bin of log I."""
+        low, high = self.range
+        count = min(BINS, len(self.I) // self.fewest) if high > NARROW * low else 1
+        edges = np.geomspace(low, high, count + 1)
+        for a, b in pairwise(edges):
+            here = self.within if count == 1 else (a <= self.I) & (self.I < b)  # noqa: SIM300
+            if here.sum() >= self.fewest or count == 1:
+                yield np.flatnonzero(here)
+
+    def point(self, k: Index, I0: float) -> Point:
+        """Friction of the cells k, with the jackknife's standard error over their blocks.
+
+        The jackknife takes the distance from the law of all cells, as I differs between blocks.
+        """
+        shear, normal, block = self.shear[k], self.normal[k], self.block[k]
+        rest = shear - self.curve(self.I[k], I0) * normal
+        kept = [block != name for name in np.unique(block)]
+        left = np.array([rest[b].sum() / normal[b].sum() for b in kept if b.any()])
+        n = len(left)
+        scatter = (n - 1) / n * np.sum((left - left.mean()) ** 2) if n > 1 else np.inf
+        i, mu = np.average(self.I[k], weights=normal), shear.sum() / normal.sum()
+        return Point(float(i), float(mu), float(np.sqrt(scatter)), len(k))
+
+    def halves(self) -> tuple[_Cells, _Cells]:
+        """The upper and the lower half of the cells of every bin."""
+        upper: Bool = np.zeros(len(self.I), bool)
+        for k in self.bins():
+            upper[k] = self.depth[k] < np.median(self.depth[k])
+        return self._some(upper & self.within), self._some(~upper & self.within)
+
+    def curve(self, at: Float64, I0: float) -> Float64:
+        """mu at inertial numbers, of the law that the cells within the range fit best."""
+        x, p, s = (a[self.within] for a in (self.I / (self.I + I0), self.normal, self.shear))
+        low, high = self.range
+        y = at / (at + I0)
+        if high <= NARROW * low:
+            return np.full_like(at, s.sum() / p.sum())
+        values = np.linalg.lstsq(np.stack([(1 - x) * p, x * p], axis=1), s, rcond=None)[0]
+        return np.asarray(values[0] * (1 - y) + values[1] * y)
+
+    def changes(self, other: Stress | str) -> Float64:
+        """Change of mu in every bin and over the range with the stress of another balance, where
+        both have cells in the same range of I; 0 elsewhere."""
+        bins = [*self.bins(), np.flatnonzero(self.within)]
+        found = np.zeros(len(bins))
+        if isinstance(other, str):
+            return found
+        cells = _Cells(other)
+        for n, k in enumerate(bins):
+            low, high = self.I[k].min(), self.I[k].max()
+            here = (low <= cells.I) & (cells.I <= high)  # noqa: SIM300
+            if here.any():
+                mu, changed = (
+                    a.shear[i].sum() / a.normal[i].sum() for a, i in ((self, k), (cells, here))
+                )
+                found[n] = abs(changed - mu)
+        return found
+
+    def change(self, other: Stress | str, at: Float64, I0: float) -> Float64:
+        """Change of the curve with the stress of another balance; 0 without one."""
+        if isinstance(other, str):
+            return np.zeros_like(at)
+        return np.asarray(np.abs(_Cells(other).curve(at, I0) - self.curve(at, I0)))
+
+    def _some(self, k: Bool) -> _Cells:
+        some = object.__new__(_Cells)
+        for name in ("I", "shear", "normal", "depth", "block", "within"):
+            setattr(some, name, getattr(self, name)[k])
+        some.range, some.fewest = self.range, self.fewest
+        return some
+
+
+def _parts(values: Float64 | Index, count: int) -> Index:
+    """The number of the part, 0 to count - 1, of equally many values each."""
+    if len(values) == 0 or count < 2:
+        return np.zeros(len(values), np.intp)
+    edges = np.quantile(values, np.arange(1, count) / count)
+    return np.asarray(np.searchsorted(edges, values, side="right"))
+
+
+def _law(points: list[Point], I0: float) -> LawFit | None:
+    """The law through the points by weighted least squares; it is linear in (mu_s, mu_2).
+
+    Standard deviations are widened by the scatter where that is larger than `se` states.
+    """
+    if len(points) < 3 or points[-1].I <= NARROW * points[0].I:
+        return None
+    i, mu, se = (np.array([getattr(p, name) for p in points]) for name in ("I", "mu", "se"))
+    if not np.isfinite(se).all() or not (se > 0).all():
+        return None
+    x = i / (i + I0)
+    matrix = np.stack([1 - x, x], axis=1) / se[:, None]
+    values = np.linalg.lstsq(matrix, mu / se, rcond=None)[0]
+    chi2 = float(np.sum((matrix @ values - mu / se) ** 2)) / (len(points) - 2)
+    sd = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)) * max(1.0, chi2))
+    return LawFit(float(values[0]), float(values[1]), I0, float(sd[0]), float(sd[1]))
+
+
+def make(inspection: Inspection) -> Baseline:
+    scale = inspection.law.inertial_scale or I0
+    return baseline(inspection.flow, scale, inspection.side_walls)
+
+
+CHECK = Check("momentum_balance", Baseline, make, seconds=2.0, quick=False)

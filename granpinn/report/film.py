@@ -1,26 +1,23 @@
-"""The fields over time, for the slider of the page.
+"""The predicted pressure over time, for the slider of the page.
 
-Every quantity becomes one sheet of all frames (sheets.py); the page draws its frames from the
-sheet. A pixel is the nearest grid point. If the sheets would make the page too large, all of them
-get fewer pixels; more than `MAX_FRAMES` frames are thinned out.
+All frames become one sheet (sheets.py), from which the page draws them. A pixel is the nearest grid
+point. If the sheet would make the page too large, it gets fewer pixels; more than `MAX_FRAMES`
+frames are thinned out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from granpinn.arrays import Bytes, Floats, Int64
-from granpinn.figures.residual import RESIDUAL_RANGE
+from granpinn.arrays import Floats, Int64
 from granpinn.figures.style import NothingToDraw
 from granpinn.report.pixels import grain_box, pixel_grid
 from granpinn.report.sheets import (
     LEVELS,
     OUTSIDE,
-    UNSHEARED,
     columns_of,
     indexed_png,
     laid_out,
@@ -29,69 +26,14 @@ from granpinn.report.sheets import (
     quantise,
 )
 from granpinn.results import Fields
-from granpinn.results.zones import D2_STAGNANT
 
 MAX_FRAMES = 200
 MAX_PIXELS = 400  # of the longer side of a frame
 MIN_PIXELS = 40
-BUDGET = 1_500_000  # bytes of all sheets, in base64
-DECADES = 1e-4  # a logarithmic scale shows at most this part of its largest value
+BUDGET = 1_500_000  # bytes of the sheet, in base64
 SHAPES = (0.2, 12.0)  # width over height of the film on the page
 OTHER_TIMES = (238, 240, 242)  # colour of places that hold grains at other times
 TICKS = 6  # most ticks of the longer axis
-
-
-class FilmQuantity(NamedTuple):
-    """The quantity of a sheet: variables of fields.h5, their combination, and the scale.
-
-    `moving`: it has a meaning only where grains shear.
-    """
-
-    label: str
-    kind: str
-    variables: tuple[str, ...]
-    value: Callable[..., Floats]
-    log: bool = False
-    limits: tuple[float, float] | None = None
-    moving: bool = False
-
-
-QUANTITIES = {
-    "speed": FilmQuantity("speed", "velocity", ("u", "v"), np.hypot),
-    "pressure": FilmQuantity("pressure", "pressure", ("p",), np.asarray),
-    "I": FilmQuantity("inertial number I", "number", ("I",), np.asarray, log=True),
-    "D2": FilmQuantity("strain rate D₂", "rate", ("D2",), np.asarray, log=True),
-    "residual": FilmQuantity(
-        "momentum residual / (ρ |g|), where grains shear",
-        "number",
-        ("momentum_residual_x", "momentum_residual_y"),
-        np.hypot,
-        moving=True,
-        log=True,
-        limits=RESIDUAL_RANGE,
-    ),
-}
-
-
-class Sheet(NamedTuple):
-    """One quantity: its frames as a PNG in base64, and its colour scale from `low` to `high`.
-
-    `moving`: grains that do not shear have a colour of their own.
-    """
-
-    name: str
-    label: str
-    unit: str
-    low: float
-    high: float
-    log: bool
-    moving: bool
-    png: str
-
-    @property
-    def middle(self) -> float:
-        """The value in the middle of the colour scale."""
-        return float((self.low * self.high) ** 0.5 if self.log else (self.low + self.high) / 2)
 
 
 class FilmAxis(NamedTuple):
@@ -104,18 +46,24 @@ class FilmAxis(NamedTuple):
 class Film(NamedTuple):
     """
     Attributes:
+        sheet: all frames as a PNG in base64.
+        low, high: ends of the colour scale.
+        unit: of the pressure; "" for none.
         width, height: of a frame in pixels; y points up.
         shape: width over height on the page.
-        columns: frames side by side in a sheet.
+        columns: frames side by side in the sheet.
         times: of the frames, as text with their unit.
         start: index of the frame to show first.
-        still: that frame of the first quantity as a PNG in base64.
+        still: that frame as a PNG in base64.
         other_times: the places that hold grains at any time, as a PNG in base64.
         x, y: the axes.
         colors: of the scale, from low to high.
     """
 
-    sheets: tuple[Sheet, ...]
+    sheet: str
+    low: float
+    high: float
+    unit: str
     width: int
     height: int
     shape: float
@@ -128,22 +76,17 @@ class Film(NamedTuple):
     y: FilmAxis
     colors: tuple[str, ...]
 
-    @property
-    def size(self) -> int:
-        """Bytes of all sheets, in base64."""
-        return sum(len(sheet.png) for sheet in self.sheets)
-
 
 def shoot(fields: Fields, frame: int, budget: int = BUDGET) -> Film:
     """The film of a run, which shows frame index `frame` first, with as many pixels as fit.
 
     Raises:
-        NothingToDraw: there are no grains, or none of the variables.
+        NothingToDraw: there are no grains, or no pressure.
     """
     pixels, film = MAX_PIXELS, film_of(fields, frame)
-    while film.size > budget and pixels > MIN_PIXELS:
+    while len(film.sheet) > budget and pixels > MIN_PIXELS:
         longest = max(film.width, film.height)
-        pixels = max(MIN_PIXELS, int(0.95 * longest * (budget / film.size) ** 0.5))
+        pixels = max(MIN_PIXELS, int(0.95 * longest * (budget / len(film.sheet)) ** 0.5))
         film = film_of(fields, frame, pixels)
     return film
 
@@ -154,33 +97,35 @@ def film_of(fields: Fields, frame: int, pixels: int = MAX_PIXELS) -> Film:
     Raises:
         NothingToDraw: as `shoot`.
     """
-    shown = [q for q in QUANTITIES.values() if set(q.variables) <= set(fields.values)]
-    if not shown:
-        raise NothingToDraw("fields.h5 has none of the variables of the film")
+    if "p" not in fields.values:
+        raise NothingToDraw("fields.h5 has no pressure")
     rows, columns = grain_box(fields)
     frames = frames_of(fields.t.size, frame)
     y, x = pixel_grid(fields.y[rows], fields.x[columns], pixels)
     cut = np.ix_(rows.start + y[::-1], columns.start + x)
-    pictures = _pictures(fields, frames, cut)
-    if not pictures:
-        raise NothingToDraw("fields.h5 has no finite value to show")
+    p = np.stack([fields.frame("p", int(k))[cut] for k in frames])
+    if not np.isfinite(p).any():
+        raise NothingToDraw("fields.h5 has no finite pressure")
+    low, high = scale_of(p)
+    indices = quantise(p, low, high)
     across = columns_of(frames.size, y.size, x.size)
-    pngs = [indexed_png(laid_out(picture.indices, across)) for picture in pictures]
-    start = int(np.searchsorted(frames, frame))
-    first = pictures[0].indices
-    shape = x.size / y.size
+    start, shape, unit = int(np.searchsorted(frames, frame)), x.size / y.size, fields.units
+    pressure = unit.of("pressure")
     return Film(
-        sheets=tuple(_sheet(fields, p, png) for p, png in zip(pictures, pngs, strict=True)),
+        sheet=indexed_png(laid_out(indices, across)),
+        low=low,
+        high=high,
+        unit="" if pressure == "1" else (pressure or "units of the file"),
         width=x.size,
         height=y.size,
         shape=float(np.clip(shape, *SHAPES)),
         columns=across,
-        times=times_of(fields.t[frames], _unit(fields.units.time)),
+        times=times_of(fields.t[frames], "" if unit.time == "1" else f" {unit.time}"),
         start=start,
-        still=indexed_png(first[start]),
-        other_times=mask_png((first != OUTSIDE).any(axis=0), OTHER_TIMES),
-        x=axis("x", fields.x[columns], x.size, fields.units.length, TICKS * min(1.0, shape)),
-        y=axis("y", fields.y[rows], y.size, fields.units.length, TICKS / max(1.0, shape)),
+        still=indexed_png(indices[start]),
+        other_times=mask_png((indices != OUTSIDE).any(axis=0), OTHER_TIMES),
+        x=axis("x", fields.x[columns], x.size, unit.length, TICKS * min(1.0, shape)),
+        y=axis("y", fields.y[rows], y.size, unit.length, TICKS / max(1.0, shape)),
         colors=tuple("#{:02x}{:02x}{:02x}".format(*rgb) for rgb in palette()[:LEVELS:16]),
     )
 
@@ -220,57 +165,8 @@ def axis(name: str, centers: Floats, pixels: int, unit: str, most: float) -> Fil
     return FilmAxis(name if unit == "1" else f"{name} [{unit or 'units of the file'}]", ticks)
 
 
-class _Pictures(NamedTuple):
-    """The frames of one quantity [T, H, W] as palette indices, and the ends of its scale."""
-
-    name: str
-    indices: Bytes
-    low: float
-    high: float
-
-
-def _pictures(fields: Fields, frames: Int64, cut: tuple[Int64, ...]) -> list[_Pictures]:
-    made = []
-    for name, q in QUANTITIES.items():
-        if not set(q.variables) <= set(fields.values):
-            continue
-        values = np.stack([_values(fields, q, int(k))[cut] for k in frames])
-        still = np.zeros(values.shape, bool)
-        if q.moving and "D2" in fields.values:
-            rate = np.stack([fields.frame("D2", int(k))[cut] for k in frames]) * fields.time
-            still = np.isfinite(values) & (rate < D2_STAGNANT)
-        limits = scale_of(np.where(still, np.nan, values), q)
-        if limits is not None:
-            indices = np.where(still, UNSHEARED, quantise(values, *limits, q.log))
-            made.append(_Pictures(name, indices.astype(np.uint8), *limits))
-    return made
-
-
-def _sheet(fields: Fields, pictures: _Pictures, png: str) -> Sheet:
-    q = QUANTITIES[pictures.name]
-    unit = fields.units.of(q.kind)
-    text = "" if unit == "1" else (unit or "units of the file")
-    return Sheet(pictures.name, q.label, text, pictures.low, pictures.high, q.log, q.moving, png)
-
-
-def _values(fields: Fields, quantity: FilmQuantity, k: int) -> Floats:
-    """The values of a quantity at frame k [Y, X]."""
-    return quantity.value(*(fields.frame(v, k) for v in quantity.variables))
-
-
-def scale_of(values: Floats, quantity: FilmQuantity) -> tuple[float, float] | None:
-    """The ends of the colour scale: nearly all values at all times; None without any value."""
-    if quantity.limits is not None:
-        return quantity.limits if np.isfinite(values).any() else None
-    finite = values[np.isfinite(values) & ((values > 0) | (not quantity.log))]
-    if finite.size == 0:
-        return None
-    low, high = np.quantile(finite, (0.002, 0.998)).tolist()
-    low = max(low, high * DECADES) if quantity.log else min(low, 0.0)
-    if high > low:
-        return low, high
-    return (low / 10, low) if quantity.log else (low, low + (abs(low) or 1.0))
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
+def scale_of(values: Floats) -> tuple[float, float]:
+    """The ends of the colour scale: nearly all finite values at all times."""
+    low, high = np.quantile(values[np.isfinite(values)], (0.002, 0.998)).tolist()
+    low = min(low, 0.0)
+    return (low, high) if high > low else (low, low + (abs(low) or 1.0))

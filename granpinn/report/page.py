@@ -38,7 +38,7 @@ from granpinn.terminal import say
 from granpinn.training.history import HistoryFileError, read_history
 
 TEMPLATES = Path(__file__).parent / "templates"
-FILM = "Fields over time"
+FILM = "Predicted pressure over time"
 ANSWER = ("friction_law", "pressure")  # the figures directly under the numbers
 PAGE = 2_900_000  # largest number of bytes of figures and film in the page
 SYMBOLS = {"mu(I)": "μ(I)", "mu_s": "μₛ", "mu_2": "μ₂", "I0": "I₀", "+-": "±"}

@@ -1,7 +1,6 @@
-"""Sheets of the film: all frames of one quantity as one PNG with a palette.
+"""The sheet of the film: all frames as one PNG with a palette.
 
-Of the 256 colours, 254 are the scale. The last two are grains that do not shear, for
-quantities that have a meaning only where they do, and places without grains, which are transparent.
+Of the 256 colours, 255 are the scale. The last one is places without grains: transparent.
 """
 
 from __future__ import annotations
@@ -12,31 +11,26 @@ import math
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.colors import to_rgb
 from PIL import Image
 
 from granpinn.arrays import Bool, Bytes, Floats
-from granpinn.figures.residual import RESTING
 from granpinn.figures.style import VALUE_MAP
 
-LEVELS = 254  # colours of the scale
-UNSHEARED = 254
+LEVELS = 255  # colours of the scale
 OUTSIDE = 255
 
 
-def quantise(values: Floats, low: float, high: float, log: bool) -> Bytes:
-    """Palette indices 0..253 of values between `low` and `high`; 255 where there is none."""
+def quantise(values: Floats, low: float, high: float) -> Bytes:
+    """Palette indices 0..254 of values between `low` and `high`; 255 where there is none."""
     known = np.isfinite(values)
-    inside = np.clip(np.where(known, values, low), low, high)
-    share = np.log(inside / low) / np.log(high / low) if log else (inside - low) / (high - low)
+    share = (np.clip(np.where(known, values, low), low, high) - low) / (high - low)
     return np.where(known, np.rint(share * (LEVELS - 1)), OUTSIDE).astype(np.uint8)
 
 
 def palette() -> Bytes:
-    """Colours [256, 3] of the indices: the scale, grains that do not shear, no grains."""
+    """Colours [256, 3] of the indices: the scale, no grains."""
     colors = colormaps[VALUE_MAP](np.linspace(0, 1, LEVELS))[:, :3]
-    others = [to_rgb(RESTING), (1, 1, 1)]
-    return np.asarray(np.rint(255 * np.concatenate([colors, others])), np.uint8)
+    return np.asarray(np.rint(255 * np.concatenate([colors, [(1, 1, 1)]])), np.uint8)
 
 
 def columns_of(frames: int, height: int, width: int) -> int:

@@ -1,10 +1,10 @@
 """The result of a run and its files results.json, results.csv and fields.h5.
 
 In reading order: named (values by the names of parameters and loss terms), parameters (of a law,
-with their errors), records (data, training, ensemble, error bars), slip (likely mistakes of the
-data), baseline (the momentum balance), determined (what a narrow range of I leaves), identified_law
-(its curve over the I of the data), loss, record (what a check leaves in a result), assessment (may
-the numbers be used?), result (all of it), results_file (results.json), decoding (its JSON), attempt
+with their errors), records (data, training, ensemble, error bars), determined (what a narrow range
+of I leaves), identified_law (its curve over the I of the data), loss, record (what a check leaves),
+assessment (may the numbers be used?), result (all of it), results_file (results.json), decoding
+(its JSON), attempt
 (parts that may fail alone), summary (numbers behind the words of a report), results_csv, fields,
 zones (which of their points flow).
 """

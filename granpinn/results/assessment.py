@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from granpinn.physics.laws import mu_of_i
-from granpinn.results.record import BAD, CARE, GOOD
-from granpinn.results.slip import IMPROBABLE, UNUSUAL
+from granpinn.results.record import BAD, CARE, GOOD, IMPROBABLE, UNUSUAL
 
 if TYPE_CHECKING:
     from granpinn.results.result import Result
@@ -54,9 +53,9 @@ class Assessment:
 def assess(result: Result) -> Assessment:
     """The assessment of a result: every condition that holds for it, and what its checks say."""
     checks = [reason for record in result.checks.values() for reason in record.reasons(result)]
-    found = [(grade, said) for grade, said in checks if grade == BAD]  # what they exclude is first
+    found = [(r.grade, r.sentence) for r in checks if r.grade == BAD]  # what they exclude is first
     found += [(c.grade, said) for c in CONDITIONS if (said := c.said(result)) is not None]
-    found += [(grade, said) for grade, said in checks if grade != BAD]
+    found += [(r.grade, r.sentence) for r in checks if r.grade != BAD]
     found.sort(key=lambda pair: GRADES.index(pair[0]))
     grade = found[0][0] if found else CARE
     return Assessment(grade, HEADLINES[grade], tuple(said for _, said in found))
@@ -71,7 +70,11 @@ def evidence(r: Result) -> str:
     if assessment.grade != GOOD:
         return assessment.reasons[0].removesuffix(".") if assessment.reasons else "nothing is known"
     checks = [reason for record in r.checks.values() for reason in record.reasons(r)]
-    tested = [balanced(r), *(said for grade, said in checks if grade == GOOD), fitted(r)]
+    tested = [
+        balanced(r),
+        *(reason.sentence for reason in checks if reason.grade == GOOD),
+        fitted(r),
+    ]
     claims = [said.partition(":")[0].removesuffix(".") for said in tested if said is not None]
     claims = claims or [said.removesuffix(".") for said in assessment.reasons[:1]]
     return "; ".join(claim[0].lower() + claim[1:] for claim in claims)
@@ -97,9 +100,9 @@ def unusual(r: Result) -> str | None:
     return _slips(r, UNUSUAL)
 
 
-def _slips(r: Result, severity: str) -> str | None:
-    found = [slip.text for slip in r.data.slips if slip.severity == severity]
-    return f"The data are {severity}: {'; '.join(found)}." if found else None
+def _slips(r: Result, grade: str) -> str | None:
+    found = [slip.sentence for slip in r.data.slips if slip.grade == grade]
+    return f"The data are {grade}: {'; '.join(found)}." if found else None
 
 
 def of_flows(grade: str) -> Callable[[Result], str | None]:

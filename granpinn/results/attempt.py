@@ -28,19 +28,20 @@ class NotDone:
     why: str
 
 
-def attempt(work: Callable[[], T]) -> T | NotDone:
+def attempt(work: Callable[[], T], *fatal: type[Exception]) -> T | NotDone:
     """The result of `work`, or the sentence for its failure.
 
     Raises:
         OutputError: a file cannot be written. No later file can, so the run cannot go on.
         CancelledError: the run is stopping.
         KeyboardInterrupt: as `work`, Interrupted included.
+        Exception: of a class of `fatal`, as `work`.
     """
     try:
         return work()
-    except (OutputError, CancelledError):
-        raise
     except Exception as error:  # the one place where any error ends a part alone
+        if isinstance(error, (OutputError, CancelledError, *fatal)):
+            raise
         return NotDone(sentence(error))
 
 

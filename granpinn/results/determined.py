@@ -18,7 +18,7 @@ class Determined:
         lost: names of the parameters that are not determined. Each has `determined` = false and no
             error bars in `parameters`; those that it had are here.
         raw_std, raw_interval_90: of the parameters in `lost` that had them.
-        reason: why no friction at any I is determined, in words (inspection/confined.py); `mu` is
+        reason: why no friction at any I is determined, in words (estimates/confined.py); `mu` is
             then that of the training, without a meaning. None: `mu` is determined.
     """
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from granpinn.results.decoding import OTHERS
-from granpinn.results.slip import Slip
+from granpinn.results.record import Reason
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class DataSummary:
     noise: float
     n_frames: int
     symmetries: tuple[str, ...] = ()
-    slips: tuple[Slip, ...] = ()
+    slips: tuple[Reason, ...] = ()
     sampled: str | None = None
     measured_noise: float | None = None
     independent: float | None = None

@@ -131,7 +131,7 @@ def newest(folder: Path) -> Checkpoint | None:
             damaged.append(f"{path}: {str(error)[:LONGEST]}")
     if damaged:
         raise CheckpointError(
-            f"no checkpoint can be read ({'; '.join(damaged)}): start again with another --out"
+            f"no checkpoint can be read ({'; '.join(damaged)}): start again with another folder"
         )
     return None
 
@@ -179,7 +179,7 @@ def require_same(
     if found is not None:
         with_or_on = "on" if found == "another flow file" else "with"
         raise CheckpointError(
-            f"{checkpoint.path} belongs to a run {with_or_on} {found}: {advice}, or another --out "
+            f"{checkpoint.path} belongs to a run {with_or_on} {found}: {advice}, or another folder "
             f"for a new run"
         )
 

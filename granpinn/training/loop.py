@@ -114,7 +114,7 @@ class TrainingLoop:
     def _resume(self) -> bool:
         """Restore the newest checkpoint; False without one."""
         if self.checkpoints is None:
-            raise ConfigError("resume needs a run folder: give run_dir, or --out")
+            raise ConfigError("resume needs a run folder: give run_dir (--out of the command)")
         found = checkpoint.newest(self.checkpoints)
         if found is None:
             self.progress.message(f"{self.checkpoints} holds no checkpoint yet: starting anew")
@@ -137,7 +137,7 @@ class TrainingLoop:
             except (ValueError, FileNotFoundError) as error:
                 raise checkpoint.CheckpointError(
                     f"{history.path} is not the file of this checkpoint ({error}): put the file "
-                    f"back, or start again with another --out"
+                    f"back, or start again with another folder"
                 ) from error
 
     def _mark(self) -> None:

@@ -40,16 +40,20 @@ class Stage(NamedTuple):
     steps: float = 0.0
     share: float = 0.0
 
-    def expected(self, pace: float, training: float) -> float:
+    def expected(self, pace: float, training: float, members: int) -> float:
         """The expected time after a training of `training` seconds, `pace` seconds a step."""
-        return self.seconds * slowness(pace) + self.steps * pace + self.share * training
+        busy = slowness(pace / members)
+        return self.seconds * busy + self.steps * pace + self.share * training
 
 
 class Progress:
     """A listener of a run; subclass it and override what is of interest."""
 
-    def plan(self, stages: Sequence[Stage], until: float | None) -> None:
-        """These stages follow the training; time.monotonic() == `until` ends the last one."""
+    def plan(self, stages: Sequence[Stage], until: float | None, members: int) -> None:
+        """These stages follow the training of `members`; time.monotonic() is `until` at their end.
+
+        None: there is no time limit.
+        """
 
     def start(self, total: int, done: int) -> None:
         """A training of `total` steps begins; `done` of them are in a checkpoint."""
@@ -91,10 +95,12 @@ class Shown(Silent):
         self.times: list[tuple[int, float]] = []  # steps and their moments, while it trains
         self.first: float | None = None
         self.fit = self.pace = 0.0  # seconds of the training, and of a step
+        self.members = 1
 
-    def plan(self, stages: Sequence[Stage], until: float | None) -> None:
-        self.later = [*stages, *self.later]
-        self.until = until
+    def plan(self, stages: Sequence[Stage], until: float | None, members: int) -> None:
+        last = sum(stage.seconds for stage in self.later)
+        self.until = None if until is None else until + last
+        self.later, self.members = [*stages, *self.later], members
 
     def start(self, total: int, done: int) -> None:
         now = time.monotonic()
@@ -174,9 +180,10 @@ class Shown(Silent):
             self.pace = (moment - since[1]) / max(1, step - since[0])
             training = max(0.0, self.pace * (self.steps - step) - (now - moment))
             self.fit = moment - self.times[0][1] + training
-        left = training + sum(stage.expected(self.pace, self.fit) for stage in self.later)
+        known = (self.pace, self.fit, self.members)
+        left = training + sum(stage.expected(*known) for stage in self.later)
         for stage, begun in () if self.times else self.stages:
-            left += max(0.0, stage.expected(self.pace, self.fit) - (now - begun))
+            left += max(0.0, stage.expected(*known) - (now - begun))
         return left if self.until is None else min(left, max(0.0, self.until - now))
 
 
@@ -288,8 +295,8 @@ class TensorBoard(Silent):
                     self.writer.add_scalar(name, value, row.step)
         self.inner.show(row)
 
-    def plan(self, stages: Sequence[Stage], until: float | None) -> None:
-        self.inner.plan(stages, until)
+    def plan(self, stages: Sequence[Stage], until: float | None, members: int) -> None:
+        self.inner.plan(stages, until, members)
 
     def stage(self, name: str) -> None:
         self.inner.stage(name)

@@ -109,7 +109,7 @@ def test_a_free_curve_that_is_not_known_has_no_band(
 
 
 def test_settings_of_one_law_are_refused(flow: Flow) -> None:
-    with pytest.raises(ConfigError, match=r"--rheology.start has the parameters of one law"):
+    with pytest.raises(ConfigError, match=r"rheology.start has the parameters of one law"):
         identify(flow, tiny(rheology__start=(0.3, 0.5), **SETTINGS))
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from granpinn import checks
 from granpinn.checks import momentum_balance
 from granpinn.checks.momentum_balance import CARRIED, CHECK, make
 from granpinn.config import Config, SideWalls
@@ -16,9 +15,9 @@ from granpinn.data import Flow
 from granpinn.fit import case as cases
 from granpinn.fit.case import Shared
 from granpinn.fit.context import Context
+from granpinn.inspection.momentum_balance import Baseline
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameter, Parameters, Result
-from granpinn.results.baseline import Baseline
 from tests.examples import make_result
 from tests.inspection.chutes import TANGENT, chute
 
@@ -68,7 +67,7 @@ def test_a_wrong_law_warns(factor: float) -> None:
 def test_grains_that_walls_carry_get_no_error_bars() -> None:
     context = context_of(replace(chute(), u=-chute().u), make_result(checks={}))
     before = context.result
-    checks.make(context, [CHECK])
+    context.take(CHECK)
     made = context.result
     assert made.checks["momentum_balance"].balance.carried
     assert made.theta == before.theta
@@ -84,7 +83,7 @@ def test_grains_that_walls_carry_get_no_error_bars() -> None:
 def test_grains_on_their_base_keep_their_error_bars() -> None:
     context = context_of(chute(), make_result(checks={}))
     before = context.result
-    checks.make(context, [CHECK])
+    context.take(CHECK)
     assert context.result == replace(before, checks=context.result.checks)
 
 
@@ -103,7 +102,7 @@ def test_a_failure_of_the_balance_is_not_one_of_the_run(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(cases, "baseline", fail)
     context = context_of(chute(), result_with(1.0))
-    checks.make(context, [CHECK])
+    context.take(CHECK)
     assert context.result.not_done == {"momentum_balance": "RuntimeError: singular"}
     assert context.result.checks == {}
     assert not CHECK.asked(Config())

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-from granpinn import checks, identify, load, report
+from granpinn import checks, identify, inspection, load, report
 from granpinn.config import ConfigError
-from granpinn.data import Flow
+from granpinn.data import Flow, FlowFileWarning, write_flow
+from granpinn.inspect import __main__ as inspect
 from granpinn.results import ResultsFileError, read_results
+from granpinn.results.record import FIT, every
 from tests.runs import tiny
 
 FILE = '''
@@ -21,9 +26,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granpinn.checks import Check
 from granpinn.figures.style import Drawing, new_figure
-from granpinn.results.record import CARE, Reason, Record, Table
+from granpinn.results.record import CARE, Check, Reason, Record, Table
 
 
 @dataclass(frozen=True)
@@ -57,18 +61,93 @@ CHECK = Check("largest_speed", LargestSpeed, make, seconds=0.5, quick=False)
 '''
 
 
+OF_A_FLOW = '''
+"""The last time."""
+
+from dataclasses import dataclass
+
+from granpinn.figures.style import Drawing, new_figure
+from granpinn.results.record import IMPROBABLE, Check, Reason, Record
+
+
+@dataclass(frozen=True)
+class LastTime(Record):
+    title = "last time"
+
+    t: float
+
+    @property
+    def words(self):
+        return f"{self.t:.3g}"
+
+    def reasons(self, of):
+        return [Reason(IMPROBABLE, "the film ends")]
+
+    def figures(self):
+        return {"last_time": (self.title, lambda inspection: Drawing(new_figure(1.0), "Empty."))}
+
+
+def make(inspection):
+    return LastTime(float(inspection.filmed.t[-1]))
+
+
+CHECK = Check("last_time", LastTime, make, seconds=0.5)
+'''
+
+
+@contextmanager
+def added(room: ModuleType, name: str, text: str, folder: Path) -> Iterator[None]:
+    """The file in the folder of the checks, as it were."""
+    place = folder / "checks"
+    place.mkdir()
+    (place / f"{name}.py").write_text(text)
+    room.__path__.append(str(place))
+    every.cache_clear()
+    yield
+    room.__path__.remove(str(place))
+    sys.modules.pop(f"{room.__name__}.{name}", None)
+    every.cache_clear()
+
+
 @pytest.fixture
 def new_check(tmp_path: Path) -> Iterator[None]:
-    """The file in the folder of the checks, as it were."""
-    place = tmp_path / "checks"
-    place.mkdir()
-    (place / "largest_speed.py").write_text(FILE)
-    checks.__path__.append(str(place))
-    checks.every.cache_clear()
-    yield
-    checks.__path__.remove(str(place))
-    sys.modules.pop("granpinn.checks.largest_speed", None)
-    checks.every.cache_clear()
+    with added(checks, "largest_speed", FILE, tmp_path):
+        yield
+
+
+@pytest.fixture
+def new_check_of_a_flow(tmp_path: Path) -> Iterator[None]:
+    with added(inspection, "last_time", OF_A_FLOW, tmp_path):
+        yield
+
+
+@pytest.mark.usefixtures("new_check_of_a_flow", "no_balance")
+def test_one_file_is_enough_for_a_check_of_a_flow(
+    flow: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`inspect` prints, writes and draws it; `train` warns, and its result says so."""
+    assert len(OF_A_FLOW.splitlines()) < 40
+    write_flow(flow, tmp_path / "flow.h5")
+    assert inspect.main([str(tmp_path / "flow.h5"), "--out", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("improbable: the film ends")
+    assert "last time        " in printed
+    numbers = json.loads((tmp_path / "out" / "inspect.json").read_text())
+    assert numbers["checks"]["last_time"] == {"t": flow.t[-1]}
+    assert (tmp_path / "out" / "last_time.png").exists()
+    with pytest.warns(FlowFileWarning, match="the film ends"):
+        result = identify(flow, tiny(checks="none"), run_dir=tmp_path / "run")
+    assert "The data are improbable: the film ends." in result.assessment.reasons
+    assert read_results(tmp_path / "run" / "results.json").data == result.data
+
+
+def test_a_check_of_a_flow_that_fails_is_not_done(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("granpinn.inspection.statements.initial_height", lambda flow: 1 / 0)
+    with pytest.warns(FlowFileWarning, match="the check statements of the flow was not done: "):
+        found = inspection.refuse_slips(flow)
+    assert any(line.startswith("statements       not done: ") for line in found.lines())
 
 
 def test_one_file_is_enough(
@@ -90,7 +169,7 @@ def test_one_file_is_enough(
 
 
 def test_a_check_that_is_not_there_is_refused(flow: Flow, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="--checks must be words of none, quick, all, bootstrap,"):
+    with pytest.raises(ConfigError, match="checks must be words of none, quick, all, bootstrap,"):
         identify(flow, tiny(checks="largest_speed"))
     identify(flow, tiny(checks="none"), run_dir=tmp_path)
     path = tmp_path / "results.json"
@@ -116,9 +195,9 @@ def test_the_settings_say_which_checks_are_made(
 
 
 def test_quick_checks_come_first() -> None:
-    every = checks.every()
-    assert {check.name for check in checks.wanted(tiny(checks="all"))} == {c.name for c in every}
-    quick = [check.quick for check in sorted(every, key=lambda check: check.seconds)]
-    assert [check.name for check in every] == [c.name for c in checks.wanted(tiny(checks="all"))]
+    order = every(FIT)
+    assert {check.name for check in checks.wanted(tiny(checks="all"))} == {c.name for c in order}
+    quick = [check.quick for check in sorted(order, key=lambda check: check.seconds)]
+    assert [check.name for check in order] == [c.name for c in checks.wanted(tiny(checks="all"))]
     assert quick[0]
     assert not quick[-1]

@@ -49,9 +49,9 @@ def test_every_verb_but_the_help_is_a_module_of_the_package() -> None:
     for name in cli.available():
         if name != "completion":
             module = importlib.import_module(f"granpinn.{name}")
-            path = Path(str(module.__file__))
-            source = path.with_name("__main__.py") if path.name == "__init__.py" else path
-            assert "def main(" in source.read_text(encoding="utf-8")
+            if hasattr(module, "__path__"):
+                module = importlib.import_module(f"granpinn.{name}.__main__")
+            assert "def main(" in Path(str(module.__file__)).read_text(encoding="utf-8")
 
 
 def test_a_verb_gets_its_arguments_and_gives_its_exit_code(

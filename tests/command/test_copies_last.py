@@ -84,7 +84,7 @@ def test_ctrl_c_in_the_copies_stops_and_resume_makes_the_rest(
         assert run(flow_file, "--out", tmp_path / "run") == 130
     left = results.read_results(tmp_path / "run" / "results.json")
     assert missing(left) == dict.fromkeys(LATE, PENDING)
-    assert "its effect is not known: the run ended before it; --resume" in str(left)
+    assert "its effect is not known: the run ended before it; --resume" in left.summary()
     assert run("--out", tmp_path / "run", "--resume") == 0
     whole, resumed = (
         results.read_results(tmp_path / name / "results.json") for name in ("whole", "run")

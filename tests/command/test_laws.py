@@ -14,7 +14,7 @@ from granpinn.physics.laws import LAWS
 from granpinn.report import __main__ as report
 from granpinn.training.history import columns
 
-COMMANDS = ("inspect", "simulate", "train")
+COMMANDS = ("inspect.__main__", "simulate", "train")
 inspect, simulate, train = (import_module(f"granpinn.{name}") for name in COMMANDS)
 SHORT = ("--steps", "2", "--network.widths", "6,5", "--batch.interior", "16")
 SMALL = ("--steps", "50", "--network.widths", "16,16", "--batch.interior", "64")

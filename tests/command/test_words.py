@@ -10,11 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from granpinn import collect, convert, identify, identify_many, inspect, train
+import granpinn.convert as convert
+from granpinn import collect, identify, identify_many, train
 from granpinn.command import cli
 from granpinn.config import Config, ConfigError
 from granpinn.config.values import convert as value_of
 from granpinn.data import Flow, write_flow
+from granpinn.inspect import __main__ as inspect
 from granpinn.report import __main__ as report
 from granpinn.results import write_results
 from granpinn.results.results_csv import write_csv
@@ -105,7 +107,7 @@ def test_an_empty_path_is_not_the_current_folder(
 
 
 def test_an_empty_folder_name_is_refused_in_python(flow: Flow) -> None:
-    with pytest.raises(ConfigError, match="--out must not be empty"):
+    with pytest.raises(ConfigError, match="out must not be empty"):
         Config(out="")
     for begin in (identify, lambda flow, **others: identify_many([flow], **others)):
         with pytest.raises(ConfigError, match="run_dir must name a folder, got ''"):
@@ -115,7 +117,7 @@ def test_an_empty_folder_name_is_refused_in_python(flow: Flow) -> None:
 @pytest.mark.parametrize("text", ["1_0", "١٠", "1_0.5", "１", "1e1_0"])
 def test_a_number_has_plain_digits(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     for kind in (int, float):
-        with pytest.raises(ConfigError, match="--steps must be a"):
+        with pytest.raises(ConfigError, match="steps must be a"):
             value_of(text, kind, "--steps")
     for command, words in (
         (tables.main, ["--out", "a", "--seeds", text]),

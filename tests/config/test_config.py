@@ -109,12 +109,12 @@ def test_every_law_is_a_choice() -> None:
 
 
 BAD = {
-    "choice": ({"form": "weak"}, "--form must be one of mixed, strong, got 'weak'"),
-    "recipe": ({"recipe": "best"}, "--recipe must be one of default, paper, got 'best'"),
-    "no recipe": ({"recipe": ["paper"]}, "--recipe must be one of"),
+    "choice": ({"form": "weak"}, "form must be one of mixed, strong, got 'weak'"),
+    "recipe": ({"recipe": "best"}, "recipe must be one of default, paper, got 'best'"),
+    "no recipe": ({"recipe": ["paper"]}, "recipe must be one of"),
     "law": (
         {"law": "tresca"},
-        "--law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, got 'tresca'",
+        "law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, got 'tresca'",
     ),
     "unknown": ({"stepz": 3}, "unknown setting stepz: did you mean steps?"),
     "without its section": (
@@ -130,23 +130,23 @@ BAD = {
     "another section": ({"bach": {"interior": 3}}, "unknown setting bach: did you mean batch?"),
     "nothing like it": ({"qqqq": 3}, "unknown setting qqqq: granpinn train --help lists them"),
     "no section": ({"batch": 512}, "batch must be a granpinn.config.Batch or a dict, got 512"),
-    "dict in a dict": ({"network": {"widths": {}}}, "--network.widths must be whole numbers"),
-    "list": ({"level": ["V1"]}, "--level must be one of V0, V1, V2, got ['V1']"),
-    "text": ({"steps": "3"}, "--steps must be a whole number, got '3'"),
-    "fraction": ({"steps": 2.5}, "--steps must be a whole number, got 2.5"),
-    "none": ({"seed": None}, "--seed must be a whole number, got None"),
-    "truth value": ({"I0": True}, "--I0 must be a number, got True"),
-    "in a section": ({"batch": Batch(interior=0)}, "--batch.interior must be in [1, "),
-    "flag": ({"max_time": 0.5}, "--max-time must be in [1, 1e+09], got 0.5"),
-    "not finite": ({"I0": math.inf}, "--I0 must be positive and at most 1e+30, got inf"),
-    "underflow": ({"rheology.p_floor": 1e-40}, "--rheology.p_floor must be positive"),
+    "dict in a dict": ({"network": {"widths": {}}}, "network.widths must be whole numbers"),
+    "list": ({"level": ["V1"]}, "level must be one of V0, V1, V2, got ['V1']"),
+    "text": ({"steps": "3"}, "steps must be a whole number, got '3'"),
+    "fraction": ({"steps": 2.5}, "steps must be a whole number, got 2.5"),
+    "none": ({"seed": None}, "seed must be a whole number, got None"),
+    "truth value": ({"I0": True}, "I0 must be a number, got True"),
+    "in a section": ({"batch": Batch(interior=0)}, "batch.interior must be in [1, "),
+    "flag": ({"max_time": 0.5}, "max_time must be in [1, 1e+09], got 0.5"),
+    "not finite": ({"I0": math.inf}, "I0 must be positive and at most 1e+30, got inf"),
+    "underflow": ({"rheology.p_floor": 1e-40}, "rheology.p_floor must be positive"),
     "too few starts": ({"rheology.start": (0.3,)}, "one value for each free parameter"),
     "start of another law": (
         {"law": "coulomb", "rheology.start": (0.3, 0.6)},
         "of the law coulomb, mu_s, got 0.3,0.6",
     ),
     "order": ({"rheology.start": (0.7, 0.6)}, "mu_2 must be larger than mu_s, got 0.7,0.6"),
-    "negative start": ({"rheology.start": (-0.1, 0.6)}, "--rheology.start must be positive"),
+    "negative start": ({"rheology.start": (-0.1, 0.6)}, "rheology.start must be positive"),
 }
 
 

@@ -101,7 +101,7 @@ def test_a_run_of_another_version_is_not_resumed(content: str, what: str, tmp_pa
         parse(["--out", str(tmp_path), "--resume"])
     assert str(error.value) == (
         f"{tmp_path} holds a run of another version of granpinn (its config.toml has {what}): "
-        "resume it with that version, or begin anew with another --out"
+        "resume it with that version, or begin anew with another folder"
     )
     (tmp_path / "config.toml").write_text("steps = ")
     with pytest.raises(ConfigError, match="could not be read as TOML"):
@@ -121,9 +121,9 @@ def test_given_start_values_replace_the_random_ones_of_a_recipe() -> None:
 def test_I0_is_a_flag_of_the_laws_that_have_it() -> None:
     assert parse([*REQUIRED, "--I0", "0.2"]).config.I0 == 0.2
     assert parse([*REQUIRED, "--law", "coulomb"]).config.law == "coulomb"
-    with pytest.raises(ConfigError, match="the friction law coulomb has no I0: leave --I0 out"):
+    with pytest.raises(ConfigError, match="the friction law coulomb has no I0: leave I0 out"):
         parse([*REQUIRED, "--law", "coulomb", "--I0", "0.2"])
-    with pytest.raises(ConfigError, match="--free-I0 needs a friction law with I0"):
+    with pytest.raises(ConfigError, match="free_I0 needs a friction law with I0"):
         parse([*REQUIRED, "--law", "coulomb", "--free-I0"])
 
 
@@ -168,9 +168,10 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_a_bad_command_line_is_refused_in_one_sentence(case: str) -> None:
     argv, expected = BAD[case]
-    with pytest.raises(BadInput, match=re.escape(expected)) as error:
+    with pytest.raises(BadInput) as error:
         parse(argv)
-    assert "\n" not in str(error.value)
+    assert expected in error.value.for_commands
+    assert "\n" not in error.value.for_commands
 
 
 @pytest.mark.parametrize(

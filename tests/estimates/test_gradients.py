@@ -8,9 +8,9 @@ import pytest
 from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.gradients import gradients
+from granpinn.estimates.inertia import estimated_pressure
 from granpinn.estimates.view import view_of
 from granpinn.inspection import inspect
-from granpinn.inspection.pressure import estimated_pressure
 from tests.flows import make_flow
 
 
@@ -81,8 +81,8 @@ def test_pressure_and_inertial_numbers_of_a_collapse(demo: Flow) -> None:
     """Within a factor 2 for nine tenths of the flowing points, where solved pressure is known."""
     found = inspect(demo)
     assert demo.p is not None
-    index = tuple(i[found.flows] for i in found.gradients.index)
+    index = tuple(i[found.inertia.flows] for i in found.facts.slopes.index)
     true = np.maximum(demo.p[index] / found.scales.pressure, 1e-4)
-    I_true = found.view.d * found.gradients.gamma_dot[found.flows] / np.sqrt(true)
-    ratio = found.I[found.flows] / I_true
+    I_true = found.facts.view.d * found.facts.slopes.gamma_dot[found.inertia.flows] / np.sqrt(true)
+    ratio = found.inertia.I[found.inertia.flows] / I_true
     assert np.mean((ratio > 0.5) & (ratio < 2)) > 0.9

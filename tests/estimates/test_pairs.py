@@ -13,8 +13,6 @@ from granpinn.estimates import noise as noise_module
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.pairs import pair_noise
 from granpinn.inspection import inspect
-from granpinn.inspection.text import lines_of
-from granpinn.uncertainty.expectation import facts
 
 FRAMES, SIDE, PER_FRAME = 24, 30.0, 200
 WAVES = 300
@@ -146,13 +144,13 @@ def test_particles_that_share_errors(seed: int) -> None:
     particles = Particles(t, x, y, u.astype(np.float32), v.astype(np.float32))
     flow = particle_flow(particles, gravity=(0.0, -1.0), density=1.0, grain_diameter=1.0)
     found = inspect(flow)
-    noise = found.noise
+    noise = found["noise"]
     assert noise.sigma is not None
     assert noise.in_space is not None
-    assert noise.sigma * found.scales.velocity == pytest.approx(0.05, rel=0.2)
+    assert noise.sigma == pytest.approx(0.05, rel=0.2)
     assert noise.in_space < 0.5 * noise.sigma
     assert noise.vectors_per_independent == pytest.approx(truth, rel=0.25)
-    text = " ".join(lines_of(found, facts(found)))
+    text = " ".join(found.lines())
     assert "neighbors share one error" in text
     assert "neighboring vectors share their errors" in text
     again = particle_flow(

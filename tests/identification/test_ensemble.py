@@ -123,7 +123,7 @@ def test_the_folder_of_a_member_is_that_of_a_run(flow: Flow, tmp_path: Path) -> 
     values = sorted(float((tmp_path / f"{e:03d}/history.csv").read_text().splitlines()[-1]
                           .split(",")[8]) for e in range(3))  # fmt: skip
     assert listener.rows[-1].values()["mu_s"] == values[1]
-    with pytest.raises(ConfigError, match="--resume"):
+    with pytest.raises(ConfigError, match="resume"):
         identify_many([flow] * 3, CONFIG, [0, 1, 2], run_dir=tmp_path)
 
 

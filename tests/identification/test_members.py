@@ -17,7 +17,7 @@ from granpinn.fit import case as case_module
 from granpinn.fit.case import member_seed, members, pose
 from granpinn.fit.ensemble import measured_noise
 from granpinn.identification import batch
-from granpinn.results.slip import Slip
+from granpinn.inspection import Inspection
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import error_bars
@@ -55,9 +55,9 @@ def test_a_repeated_flow_of_a_batch_is_checked_once(
 ) -> None:
     checked: list[Flow] = []
 
-    def check(flow: Flow) -> list[Slip]:
+    def check(flow: Flow) -> Inspection:
         checked.append(flow)
-        return []
+        return Inspection(flow)
 
     monkeypatch.setattr(case_module, "refuse_slips", check)
     configs = [tiny(noise=noise, seed=seed, I0=0.3 - seed / 20, device="cpu") for seed in (0, 1)]
@@ -115,8 +115,8 @@ def test_its_folder_is_that_of_a_run_and_has_a_report(
     interval = found.parameters.mu_s.interval_90
     assert interval is not None
     assert f"{interval[0]:.4f} to {interval[1]:.4f}" in page
-    assert f"{interval[0]:.4f} to {interval[1]:.4f}" in str(found)
-    with pytest.raises(ConfigError, match="--resume"):
+    assert f"{interval[0]:.4f} to {interval[1]:.4f}" in found.summary()
+    with pytest.raises(ConfigError, match="resume"):
         identify(flow, dataclasses.replace(THREE, members=2), run_dir=folder)
 
 
@@ -214,7 +214,7 @@ def test_checks_of_a_batch_are_known_before_its_training(
     """Those that train more networks are left out, and are not pending for ever."""
     with monkeypatch.context() as patch:
         patch.setattr(batch, "start", None)
-        with pytest.raises(ConfigError, match="--checks must be words"):
+        with pytest.raises(ConfigError, match="checks must be words"):
             batch.identify_many([flow], tiny(checks="no_such_check"))
     (found,) = batch.identify_many([flow], tiny(steps=3, free_I0=True))
     assert found.not_done == {}

@@ -93,7 +93,7 @@ def test_names_and_bounds_are_checked() -> None:
 
 
 def test_a_law_is_known_once_it_is_registered() -> None:
-    with pytest.raises(ConfigError, match="--law must be one of mu_of_i, coulomb, .*got 'linear'"):
+    with pytest.raises(ConfigError, match="law must be one of mu_of_i, coulomb, .*got 'linear'"):
         Config(law="linear")
     for law in (laws.Law("linear", linear, UNKNOWNS) for _ in range(2)):  # a notebook runs twice
         laws.register(law)
@@ -135,7 +135,7 @@ def test_from_python_to_the_files_of_a_run(tmp_path: Path, figures: Callable[...
 
 def test_the_strong_form_needs_kernels() -> None:
     law = laws.Law("linear", linear, UNKNOWNS)
-    with pytest.raises(ConfigError, match="--form strong needs a law of granpinn"):
+    with pytest.raises(ConfigError, match="form strong needs a law of granpinn"):
         granpinn.identify(make_flow(), Config(**SETTINGS, form="strong"), law=law)
 
 

@@ -12,7 +12,6 @@ from granpinn import train
 from granpinn.data import read_flow
 from granpinn.inspection import inspect
 from granpinn.results import read_results
-from granpinn.uncertainty.expectation import facts
 
 SIDES = "the wall from (0, 45) to (0, 0) and the wall from (20, 0) to (20, 45)"
 
@@ -28,7 +27,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_inspect_warns_of_the_walls_first(path: Path) -> None:
     found = inspect(read_flow(path))
-    assert facts(found)[0].startswith("A law from these data is not to be used: walls carry")
+    assert found.sentences[0].startswith("A law from these data is not to be used: walls carry")
     assert f"the grains hang between {SIDES}" in str(found.numbers())
 
 

@@ -151,7 +151,16 @@ def test_the_command_on_one_frame(
     names = ("velocity", "pressure", "profiles", "friction_law", "momentum_residual")
     figures(*names)
     write_flow(make_chute(), tmp_path / "chute.h5")
-    flags = ["--steps", "60", "--log-every", "20", "--network.widths", "8,8", "--resimulate"]
+    flags = [
+        "--steps",
+        "60",
+        "--log-every",
+        "20",
+        "--network.widths",
+        "8,8",
+        "--resimulate",
+        "--verbose",
+    ]
     assert main([str(tmp_path / "chute.h5"), "--out", str(tmp_path / "run"), *flags]) == 0
     printed = capsys.readouterr()
     assert "simulated pressure at 1 times: the predicted pressure differs by" in printed.out

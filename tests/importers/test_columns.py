@@ -63,7 +63,7 @@ def test_times_without_a_unit_are_no_numbers_of_frames(tmp_path: Path) -> None:
     given = lines(tmp_path / "times.csv", "10", "20", "40")
     vectors = in_pixels(time_unit="frames", velocity_unit="px/s")
     settings = PHYSICAL | {"surface": "none", "times": given}
-    with pytest.raises(DataFileError, match=r"--time-unit \(the files do not say the unit of t\)"):
+    with pytest.raises(DataFileError, match=r"time_unit \(the files do not say the unit of t\)"):
         read(vectors, **settings)
     flow = read(vectors, **settings, time_unit="ms")
     np.testing.assert_allclose(flow.t, [0.01, 0.02, 0.04])
@@ -159,7 +159,7 @@ def test_fields_of_a_simulation_are_chosen_by_one_name(tmp_path: Path) -> None:
         read_vectors(path)
     named = read_vectors(path, options={"names": {"c": "f"}})
     assert named.c is not None
-    with pytest.raises(DataFileError, match="--fields must be like u=U"):
+    with pytest.raises(DataFileError, match="fields must be like u=U"):
         read(path, fields="c=f,c=c", **GRAINS)
     with pytest.raises(DataFileError, match="must have the columns phi, got"):
         read_vectors(path, options={"names": {"c": "phi"}})

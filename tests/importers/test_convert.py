@@ -91,7 +91,7 @@ def test_times_from_names(tmp_path: Path) -> None:
     with pytest.raises(DataFileError, match="'-' before all numbers or before none"):
         read(signed, times="name", **settings, **material)
     same = str(scene.write_lines(tmp_path / "same.txt", ["t [ms]", "1", "2", "2"]))
-    with pytest.raises(DataFileError, match="--time-unit must be ms, which the first line of"):
+    with pytest.raises(DataFileError, match="time_unit must be ms, which the first line of"):
         read(files, times=same, **settings, **material)
     with pytest.raises(DataFileError, match="another time for every frame, got one twice"):
         read(files, times=same, **settings | {"time_unit": None}, **material)
@@ -124,7 +124,7 @@ def test_dimensionless_simulation(tmp_path: Path) -> None:
     np.testing.assert_allclose(flow.t, [0.5, 0.75, 1.0])
     assert (flow.length_unit, flow.gravity, flow.density) == ("1", (0.0, -1.0), 1.0)
     assert flow.density_unit is None
-    with pytest.raises(DataFileError, match="--dimensionless contradicts the files"):
+    with pytest.raises(DataFileError, match="dimensionless contradicts the files"):
         read(export(tmp_path / "a0.txt"), dimensionless=True, grain_diameter="1")
 
 
@@ -222,7 +222,7 @@ def test_wrong_input_is_one_sentence(
 def test_settings_in_python_are_checked() -> None:
     with pytest.raises(DataFileError, match="unknown setting scael: did you mean scale"):
         read({}, scael="1")
-    with pytest.raises(DataFileError, match="--scale must be text such as"):
+    with pytest.raises(DataFileError, match="scale must be text such as"):
         Settings(scale=0.12)  # type: ignore[arg-type]
     with pytest.raises(DataFileError, match="Settings.track_window must be a whole number"):
         Settings(track_window=2.5)  # type: ignore[arg-type]
@@ -241,7 +241,7 @@ def test_help_teaches() -> None:
 
 def test_unknown_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("hello world\n")
-    with pytest.raises(DataFileError, match="is of no known format: name it with --format"):
+    with pytest.raises(DataFileError, match="is of no known format: name it with format"):
         read_vectors(tmp_path / "a.txt")
     (tmp_path / "b.txt").write_text("")
     with pytest.raises(DataFileError, match="b.txt is empty, expected vectors"):

@@ -259,5 +259,5 @@ def test_hostile_settings_are_one_sentence(tmp_path: Path, setting: str, value: 
 
 def test_a_rate_of_zero_is_refused(tmp_path: Path) -> None:
     files = [export(tmp_path / f"a{k}.txt", k, header=False) for k in range(3)]
-    with pytest.raises(DataFileError, match="--frame-rate must be positive, got '0'"):
+    with pytest.raises(DataFileError, match="frame_rate must be positive, got '0'"):
         read(files, **PLAIN, frame_rate="0")

@@ -75,7 +75,7 @@ def test_scattered_points_and_other_meshes(tmp_path: Path) -> None:
     cloud.point_data.clear()
     cloud.point_data["T"] = vectors[:, 0]
     cloud.save(tmp_path / "c.vtp")
-    with pytest.raises(DataFileError, match="must hold one velocity, got T: name it with --fields"):
+    with pytest.raises(DataFileError, match="must hold one velocity, got T: name it with fields"):
         read_vectors(tmp_path / "c.vtp")
     deep = pyvista.ImageData(dimensions=(4, 4, 5))
     deep.cell_data["U"] = np.ones((deep.n_cells, 3))

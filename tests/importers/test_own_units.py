@@ -62,10 +62,10 @@ def test_velocities_of_tracks_follow_the_units_of_their_positions(tmp_path: Path
         flow = read(file, **plain | settings)
         assert flow.particles is not None
         np.testing.assert_allclose(flow.particles.v, 0.5 * speed, rtol=1e-6)
-    with pytest.raises(DataFileError, match="--velocity-unit must be the unit of x and y over"):
+    with pytest.raises(DataFileError, match="velocity_unit must be the unit of x and y over"):
         read(own, velocity_unit="mm/s", **shared)
     times = lines(tmp_path / "t.txt", "t [s]", *map(str, range(12)))
-    with pytest.raises(DataFileError, match="--times must not be given for tracks"):
+    with pytest.raises(DataFileError, match="times must not be given for tracks"):
         read(path, length_unit="mm", times=times, **shared)
 
 
@@ -90,9 +90,9 @@ def test_units_that_do_not_convert_are_refused(
 
 def test_a_setting_cannot_replace_several_units(tmp_path: Path) -> None:
     path = table(tmp_path / "a.csv", {"y": ("m", 1e-3)})
-    with pytest.raises(DataFileError, match=r"--length-unit must not .* got x \[mm\], y \[m\]"):
+    with pytest.raises(DataFileError, match=r"length_unit must not .* got x \[mm\], y \[m\]"):
         read(path, length_unit="mm", **QUIET, **GRAINS)
-    with pytest.raises(DataFileError, match="--origin must not be given where columns have"):
+    with pytest.raises(DataFileError, match="origin must not be given where columns have"):
         read(path, origin="1,2", **QUIET, **GRAINS)
     line = lines(tmp_path / "line.csv", "t [s],x,y [mm]", "0,1,30", "0.01,20,30")
     with pytest.raises(DataFileError, match="line.csv: x must state its unit of length, as the"):
@@ -110,5 +110,5 @@ def test_data_sets_whose_units_cannot_be_used_are_refused() -> None:
             granpinn.flow(data, **MATERIAL)
     data = dataset()
     del data.t.attrs["units"]
-    with pytest.raises(DataFileError, match=r"--time-unit \(the files do not say the unit of t\)"):
+    with pytest.raises(DataFileError, match=r"time_unit \(the files do not say the unit of t\)"):
         granpinn.flow(data, **MATERIAL)

@@ -65,7 +65,7 @@ def test_the_order_of_rows_does_not_matter(tmp_path: Path, name: str, kind: str)
         order = np.argsort(rows, kind="stable")[::-1]
     scene.write_lines(path, [*head, *(rows[i] for i in order)])
     if name in ("pivlab", "pivlab bare", "openpiv", "insight"):
-        with pytest.raises(DataFileError, match="--flip-y yes or no"):
+        with pytest.raises(DataFileError, match="flip_y yes or no"):
             flow_of(case, tmp_path, {})
     if name == "insight":
         up = {"flip_y": "no"}
@@ -79,7 +79,7 @@ def test_calibrated_rows_in_another_order_ask_for_the_direction(tmp_path: Path) 
     expected = read(files, **settings)
     rows = files[0].read_text().splitlines()
     scene.write_lines(files[0], [*rows[:3], *reversed(rows[3:])])
-    with pytest.raises(DataFileError, match="--flip-y yes or no"):
+    with pytest.raises(DataFileError, match="flip_y yes or no"):
         read(files, **settings)
     same(read(files, flip_y="yes", **settings), expected)
 

@@ -163,7 +163,7 @@ def test_wrong_mask_images_are_refused(tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("no image")
     with pytest.raises(DataFileError, match="cannot be read as an image"):
         read(in_pixels(), mask=str(tmp_path / "text.png"), **PHYSICAL)
-    with pytest.raises(DataFileError, match="--mask needs vectors in pixels"):
+    with pytest.raises(DataFileError, match="mask needs vectors in pixels"):
         read(in_pixels(length_unit="mm"), mask=small, **PHYSICAL)
 
 
@@ -229,7 +229,7 @@ def test_wrong_lines_are_refused(tmp_path: Path) -> None:
         read(masked(), surface=late, **MATERIAL)
     with pytest.raises(DataFileError, match="c.csv: there is no such file"):
         read(masked(), surface=str(tmp_path / "c.csv"), **MATERIAL)
-    with pytest.raises(DataFileError, match="--surface fraction needs a fraction, got none"):
+    with pytest.raises(DataFileError, match="surface fraction needs a fraction, got none"):
         read(masked(), surface="fraction", **MATERIAL)
 
 
@@ -254,6 +254,6 @@ def test_a_frame_without_vectors_is_left_out() -> None:
     a["validity"][2] = 3
     with pytest.raises(
         DataFileError,
-        match=r"two frames \(or one and --steady\) must hold measured",
+        match=r"two frames \(or one and steady\) must hold measured",
     ):
         read(a, **MATERIAL)

@@ -81,7 +81,7 @@ def test_wrong_tracks_are_refused() -> None:
     with pytest.raises(DataFileError, match="one position in every frame, got two"):
         velocities(frame, frame, frame, frame, frame, None, 5)
     for window in (1, 4):
-        with pytest.raises(DataFileError, match="--track-window must be odd and at least 3"):
+        with pytest.raises(DataFileError, match="track_window must be odd and at least 3"):
             velocities(frame, frame, frame, frame, np.arange(4.0), None, window)
 
 
@@ -181,7 +181,7 @@ def test_damaged_hdf5_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
     with h5py.File(path, "w") as file:
         file["x"] = np.ones(9)
-    with pytest.raises(DataFileError, match="is of no known format: name it with --format"):
+    with pytest.raises(DataFileError, match="is of no known format: name it with format"):
         read_vectors(path)
     with pytest.raises(DataFileError, match="holds no tables of pandas"):
         read_vectors(path, format="tracks")

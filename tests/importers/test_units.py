@@ -73,27 +73,27 @@ NONSENSE = [
 
 @pytest.mark.parametrize("text", NONSENSE)
 def test_nonsense_is_refused(text: str) -> None:
-    with pytest.raises(DataFileError, match="--grain-diameter must be") as caught:
+    with pytest.raises(DataFileError, match="grain_diameter must be") as caught:
         units.si(text, "length", "--grain-diameter", "'0.8 mm'")
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["0.12 mm", "0 mm/px", "-1 mm/px", "3 px/s", "x"])
 def test_wrong_scales_are_refused(text: str) -> None:
-    with pytest.raises(DataFileError, match="--scale must be"):
+    with pytest.raises(DataFileError, match="scale must be"):
         units.scale(text)
 
 
 @pytest.mark.parametrize("text", ["0 Hz", "-2 ms", "3 m", "5"])
 def test_wrong_rates_are_refused(text: str) -> None:
-    with pytest.raises(DataFileError, match="--frame-rate must be a rate or a time"):
+    with pytest.raises(DataFileError, match="frame_rate must be a rate or a time"):
         units.frame_time(text, "--frame-rate")
 
 
 def test_what_is_missing_is_named() -> None:
-    with pytest.raises(DataFileError, match="u is in px/frame: give --scale"):
+    with pytest.raises(DataFileError, match="u is in px/frame: give scale"):
         units.factor("px/frame", "velocity", "u", frame=1.0)
-    with pytest.raises(DataFileError, match="u is in m/frame: give --frame-rate"):
+    with pytest.raises(DataFileError, match="u is in m/frame: give frame_rate"):
         units.factor("m/frame", "velocity", "u", px=1.0)
     with pytest.raises(DataFileError, match="u must be a unit of velocity, got 'm'"):
         units.factor("m", "velocity", "u")

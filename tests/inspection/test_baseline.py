@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, add_noise
-from granpinn.inspection.baseline import baseline
+from granpinn.inspection.momentum_balance import baseline
 from granpinn.simulation import Collapse, simulate
 from granpinn.simulation.silo import Silo
 from tests.inspection.chutes import TANGENT, chute, number_of

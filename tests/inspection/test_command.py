@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from granpinn.data import Flow, add_noise, write_flow
-from granpinn.inspect import main, parse
+from granpinn.inspect.__main__ import main, parse
 from granpinn.simulation import demo_path
 
 
@@ -26,11 +26,12 @@ def test_what_it_prints_and_writes(
     assert max(map(len, printed[:-2])) <= 120
     assert printed[0].startswith("frames ")
     assert f"next: granpinn train {path} --out run" in printed
-    numbers = json.loads((out / "inspect.json").read_text())
-    assert numbers["counts"]["vectors"] == int(demo.valid.sum())
-    assert numbers["noise"]["relative_to_largest_speed"] == pytest.approx(0.02, rel=0.25)
-    assert numbers["precision"]["mu_s"] > 0
-    assert numbers["facts"]
+    content = json.loads((out / "inspect.json").read_text())
+    numbers = content["checks"]
+    assert content["facts"]
+    assert numbers["vectors"]["count"] == int(demo.valid.sum())
+    assert numbers["noise"]["relative"] == pytest.approx(0.02, rel=0.25)
+    assert numbers["precision"]["bounds"]["known"]["mu_s"] > 0
     assert numbers["momentum_balance"]["mean"]["mu"] == pytest.approx(0.44, abs=0.03)
     assert "The momentum balance alone, without a network, gives mu = 0." in " ".join(printed)
     for name in ("validity", "speed", "inertial_number", "noise"):
@@ -43,8 +44,8 @@ def test_files_for_another_law(tmp_path: Path) -> None:
     assert main([str(demo_path()), "--law", "coulomb", "--mu-s", "0.3", "--out", str(out)]) == 0
     numbers = json.loads((out / "inspect.json").read_text())
     assert numbers["law"] == {"name": "coulomb", "mu_s": 0.3}
-    assert set(numbers["precision"]) >= {"mu_s", "independent_vectors"}
-    assert 0 < numbers["precision"]["mu_s"] < numbers["expected_sd"]["mu_s"] < 0.1
+    precision = numbers["checks"]["precision"]
+    assert 0 < precision["bounds"]["known"]["mu_s"] < precision["expected"]["mu_s"] < 0.1
     assert (out / "inertial_number.png").stat().st_size > 10_000
 
 
@@ -63,8 +64,8 @@ def test_a_flow_at_rest(demo: Flow, tmp_path: Path, capsys: pytest.CaptureFixtur
     printed = capsys.readouterr().out
     assert "No precision can be given" in printed
     numbers = json.loads((tmp_path / "out" / "inspect.json").read_text())
-    assert numbers["precision"] is None
-    assert "hardly shear" in numbers["precision_refused_because"]
+    assert numbers["checks"]["precision"]["bounds"] is None
+    assert "hardly shear" in numbers["checks"]["precision"]["reason"]
 
 
 @pytest.mark.parametrize("kind", ["no frame", "frames of NaN"])

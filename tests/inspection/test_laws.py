@@ -6,9 +6,7 @@ import pytest
 from granpinn.data import Flow, add_noise
 from granpinn.inspection import AssumedLaw, inspect
 from granpinn.inspection.precision import expected_precision, sensitivities
-from granpinn.inspection.text import lines_of
 from granpinn.physics.laws import LAWS
-from granpinn.uncertainty.expectation import expected, facts
 
 
 def test_bound_of_one_parameter() -> None:
@@ -16,7 +14,8 @@ def test_bound_of_one_parameter() -> None:
     gamma_dot, I, n = np.array([2.0, 2.0]), np.array([1e-9, 1e9]), np.array([100.0, 400.0])
     found = expected_precision(gamma_dot, I, n, 0.1, AssumedLaw(0.5, law="coulomb"))
     assert found is not None
-    assert found.mu_s == found.mu_s_free == pytest.approx(0.1 / (0.097 * 2 * 500**0.5) / 0.5)
+    assert found.known == found.unknown
+    assert found.known["mu_s"] == pytest.approx(0.1 / (0.097 * 2 * 500**0.5) / 0.5)
     assert found.correlation is None
 
 
@@ -41,22 +40,19 @@ def test_sensitivities_are_derivatives(name: str) -> None:
 
 def test_another_law(demo: Flow, seed: int) -> None:
     found = inspect(add_noise(demo, 0.05, seed), AssumedLaw(law="coulomb"))
-    sentences = facts(found)
-    assert "Expected of a training at level V1: " in sentences[0]
-    assert "mu_2" not in " ".join(lines_of(found, sentences))
+    assert "Expected of a training at level V1: " in found.sentences[0]
+    assert "mu_2" not in " ".join(found.lines())
     assert found.numbers()["law"] == {"name": "coulomb", "mu_s": 0.4}
-    assert found.inertia is not None
-    assert found.inertia.reach is None
+    assert found["inertial_number"].reach is None
 
 
 @pytest.mark.usefixtures("no_balance")
 def test_the_range_of_a_free_curve_follows_from_the_flow(demo: Flow, seed: int) -> None:
     noisy = add_noise(demo, 0.02, seed)
     found = inspect(noisy, AssumedLaw(law="free"))
-    assert found.inertia is not None
-    assert found.law.I_low < found.inertia.q05 < found.inertia.q95 < found.law.I_high
-    assert found.law.I_high < found.inertia.q99
-    assert "c1 to c8 to " in facts(found)[0]
+    numbers = found["inertial_number"]
+    assert found.law.I_low < numbers.q05 < numbers.q95 < found.law.I_high < numbers.q99
+    assert "c1 to c8 to " in found.sentences[0]
     given = inspect(noisy, AssumedLaw(law="free", I_high=2.0))
     assert (given.law.I_low, given.law.I_high) == (found.law.I_low, 2.0)
 
@@ -66,10 +62,10 @@ def test_the_range_of_a_free_curve_follows_from_the_flow(demo: Flow, seed: int) 
 def test_the_precision_of_a_law(name: str, demo: Flow, seed: int) -> None:
     """Parameters that a law holds fixed need not be determined."""
     found = inspect(add_noise(demo, 0.02, seed), AssumedLaw(law=name))
-    assert found.precision is not None
-    for free, sd in expected(found).items():
-        assert 0 < getattr(found.precision, free) < sd
-    assert set(expected(found)) == set(LAWS[name].free)
+    assert found["precision"].bounds is not None
+    for free, sd in found["precision"].expected.items():
+        assert 0 < found["precision"].bounds.known[free] < sd
+    assert set(found["precision"].expected) == set(LAWS[name].free)
 
 
 def test_a_range_upside_down_is_refused() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from granpinn.data import Flow, Particles, Surface
 from granpinn.estimates.quadratic_fits import noise_of, smooth
-from granpinn.inspection.momentum_balance import Stress, momentum_balance
+from granpinn.estimates.stress import Stress, momentum_balance
 from tests.inspection.chutes import SURFACE, TANGENT, chute, number_of
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from granpinn.config import SideWalls
 from granpinn.data import Flow
+from granpinn.estimates.stress import Stress, momentum_balance
 from granpinn.inspection import inspect
-from granpinn.inspection.baseline import baseline
-from granpinn.inspection.momentum_balance import Stress, momentum_balance
+from granpinn.inspection.momentum_balance import baseline
 from tests.flows import make_channel
 
 GAP, FRICTION = 24.0, 0.3
@@ -76,6 +76,7 @@ def test_a_flow_without_side_walls_does_not_mention_them() -> None:
 
 
 def test_an_inspection_takes_their_friction() -> None:
-    found = inspect(make_channel(), side_walls=SideWalls(FRICTION, 0.0))
-    assert found.baseline == baseline(make_channel(), side_walls=SideWalls(FRICTION, 0.0))
-    assert found.numbers()["momentum_balance"]["wall_friction"] == FRICTION
+    walls = SideWalls(FRICTION, 0.0)
+    found = inspect(make_channel(), side_walls=walls)
+    assert found["momentum_balance"] == baseline(make_channel(), side_walls=walls)
+    assert found["momentum_balance"].wall_friction == FRICTION

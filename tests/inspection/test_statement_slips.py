@@ -13,8 +13,8 @@ import pytest
 from granpinn.data import Flow, FlowFileError, Surface, check_flow
 from granpinn.data.symmetry import with_layer
 from granpinn.fit.case import pose
-from granpinn.inspection.slips import refuse_slips, slips
-from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, UNUSUAL
+from granpinn.inspection import quick, refuse_slips
+from granpinn.results.record import IMPOSSIBLE, IMPROBABLE, UNUSUAL
 from tests.data.walled import line
 from tests.examples import make_result
 from tests.flows import make_chute, make_flow
@@ -98,15 +98,15 @@ def test_an_absurd_statement_gets_a_word(what: str) -> None:
     make, severity, text = ABSURD[what]
     flow = make()
     check_flow(flow)
-    found = [slip for slip in slips(flow) if text in slip.text]
-    assert [slip.severity for slip in found] == [severity]
+    found = [slip for slip in quick(flow).slips if text in slip.sentence]
+    assert [slip.grade for slip in found] == [severity]
 
 
 @pytest.mark.parametrize("flow", [make_flow(), make_chute()], ids=["heap", "chute"])
 def test_sound_statements_get_none(flow: Flow) -> None:
     stated = {"grid_spacing_of_solver": 0.05, "averaging_length_of_solver": 0.04}
     stated |= {"surface_sd": 0.01, "wall_gap": 0.5} if flow.length_unit == "m" else {}
-    assert slips(with_layer(replace(flow, attributes=flow.attributes | stated))) == []
+    assert quick(with_layer(replace(flow, attributes=flow.attributes | stated))).slips == ()
 
 
 def test_impossible_stress_is_refused_before_the_training() -> None:
@@ -119,7 +119,7 @@ def test_a_line_far_below_the_vectors_is_not_called_late() -> None:
     flow = make_flow()
     assert flow.surface is not None
     low = replace(flow, surface=Surface(flow.surface.t, flow.surface.x, flow.surface.y / 10))
-    assert "of the vectors lie more than 3 cells above the line" in slips(low)[0].text
+    assert "of the vectors lie more than 3 cells above the line" in quick(low).slips[0].sentence
 
 
 def test_a_statement_becomes_a_reason_of_the_verdict() -> None:

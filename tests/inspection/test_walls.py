@@ -13,15 +13,13 @@ import pytest
 
 from granpinn.config import Config, Network
 from granpinn.data import Flow, Surface, Walls, write_flow
+from granpinn.estimates.confined import NO_PRESSURE, NO_WORK_WORDS, undetermined
 from granpinn.identification.single import identify
 from granpinn.inspection import inspect
-from granpinn.inspection.baseline import baseline
-from granpinn.inspection.confined import NO_PRESSURE, NO_WORK_WORDS, undetermined
-from granpinn.inspection.text import lines_of
+from granpinn.inspection.momentum_balance import baseline
 from granpinn.results import read_results
 from granpinn.results.results_csv import write_csv
 from granpinn.train import main
-from granpinn.uncertainty.expectation import facts
 from tests.data.walled import FLOOR, line, single
 from tests.flows import make_chute
 from tests.inspection.chutes import chute
@@ -72,14 +70,14 @@ def test_a_free_surface_fixes_the_pressure() -> None:
 
 def test_inspect_says_so_first() -> None:
     found = inspect(plane_shear())
-    sentences = facts(found)
+    sentences = found.sentences
     assert sentences[0].startswith("No friction coefficient can be given: the flow has no free")
-    assert found.precision is None
+    assert found["precision"].bounds is None
     assert found.numbers()["friction_refused_because"] == NO_WORK_WORDS
-    printed = lines_of(found, sentences)
+    printed = found.lines()
     assert any(row.startswith("walls   ") and "(0, 0) to (16, 0)" in row for row in printed)
     assert any("(0, 12) to (16, 12)" in row for row in printed)
-    assert len(found.numbers()["walls"]) == 2
+    assert len(found["walls"].walls) == 2
 
 
 def test_results_have_no_friction(tmp_path: Path) -> None:
@@ -144,7 +142,7 @@ def test_grains_that_hang_between_walls() -> None:
 
 def test_inspect_warns_of_a_silo(tmp_path: Path) -> None:
     found = inspect(silo(6.0))
-    assert facts(found)[0].startswith("A law from these data is not to be used: walls carry")
+    assert found.sentences[0].startswith("A law from these data is not to be used: walls carry")
     json.dumps(found.numbers(), allow_nan=False)
 
 
@@ -209,7 +207,7 @@ def test_the_stress_of_a_plate_gives_the_friction(side: int, gap: float) -> None
     assert len(found.points) >= 2
     for point in found.points:
         assert point.mu == pytest.approx(0.3 + 0.4 * point.I / (point.I + 0.3), rel=0.01)
-    sentences = facts(inspect(flow))
+    sentences = inspect(flow).sentences
     assert sentences[0].startswith("The velocity gives no friction coefficient: the flow has no")
     result = identify(flow, TINY)
     record = result.checks["momentum_balance"]

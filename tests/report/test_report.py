@@ -67,7 +67,7 @@ def test_the_figures_are_inside(built: Path) -> None:
         assert content == (built / "figures" / f"{name}.png").read_bytes()
     alternatives = page.values("img", "alt")
     assert alternatives.pop(2) == "places of the grains at all times"
-    assert alternatives.pop(2).startswith("speed at t = ")
+    assert alternatives.pop(2).startswith("pressure at t = ")
     assert alternatives == list(titles.values())
     assert "Missing on this page" not in page.text
 
@@ -83,7 +83,7 @@ def test_the_result_comes_first(built: Path) -> None:
         f"{result.assessment.headline.capitalize()}.",
     ]
     order += ["Friction law over the I of", "Pressure in the grains", "What it rests on"]
-    order += ["Results", "Fields over time", "Figures", "The run"]
+    order += ["Results", "Predicted pressure over time", "Figures", "The run"]
     places = [page.text.index(words, len("Friction law of in memory")) for words in order]
     assert places == sorted(places)
     (title,) = (i for i, tag in enumerate(page.tags) if tag == "title")

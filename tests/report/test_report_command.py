@@ -49,7 +49,7 @@ def test_a_folder_with_results_alone_gives_a_page(tmp_path: Path) -> None:
     assert "img" not in page.tags
     assert f"{tmp_path / 'fields.h5'} does not exist history.csv does not exist" in page.text
     assert "Inertial number: there is no fields.h5 that can be read" in page.text
-    assert "Fields over time: there is no fields.h5 that can be read" in page.text
+    assert "Predicted pressure over time: there is no fields.h5 that can be read" in page.text
     assert "script" not in page.tags
     assert "Course of the training: there is no history.csv that can be read" in page.text
     assert "μs 0.410 ± 0.012" in page.text

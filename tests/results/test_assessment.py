@@ -12,6 +12,7 @@ import pytest
 from granpinn.checks.bootstrap import Bootstrap, Recovery
 from granpinn.checks.comparison_of_laws import LawComparison
 from granpinn.checks.momentum_balance import Difference, MomentumBalance
+from granpinn.inspection.momentum_balance import Baseline
 from granpinn.results import (
     Parameter,
     Parameters,
@@ -22,11 +23,11 @@ from granpinn.results import (
     write_csv,
     write_results,
 )
-from granpinn.results.assessment import CONDITIONS, GRADES
-from granpinn.results.baseline import Baseline
+from granpinn.results.assessment import CONDITIONS, GRADES, Assessment
 from granpinn.results.compared_law import ComparedLaw
+from granpinn.results.flow_of_law import FlowOfLaw
 from granpinn.results.identified_law import Curve
-from granpinn.results.slip import Slip
+from granpinn.results.record import Reason
 from tests.examples import BASELINE, make_result
 
 EXAMPLE = make_result()
@@ -65,7 +66,7 @@ SHORT, LONG = (Timing(1.0, steps) for steps in (900, 15_000))
 
 
 def slips(severity: str) -> dict[str, Any]:
-    return {"data": replace(EXAMPLE.data, slips=(Slip(severity, "the scale is wrong"),))}
+    return {"data": replace(EXAMPLE.data, slips=(Reason(severity, "the scale is wrong"),))}
 
 
 def far(percent: float) -> dict[str, Any]:
@@ -82,6 +83,13 @@ def bootstrap(rms: float) -> dict[str, Any]:
     row = Recovery(0.4, 0.0, 0.01, 0.01, 0.01, rms, 0.01, 0.02)
     record = Bootstrap(None, flows=4, parameters={"mu_s": row, "mu_2": row})
     return {"checks": {"bootstrap": record}}
+
+
+def of_flows(grade: str) -> dict[str, Any]:
+    limited = Assessment(grade, "a headline", ("It is noisy.",))
+    bad = replace(EXAMPLE.input, name="b.h5")
+    good = FlowOfLaw(EXAMPLE.input, EXAMPLE.data, None, None, Assessment("good", "good", ("Yes.",)))
+    return {"flows": (good, FlowOfLaw(bad, EXAMPLE.data, None, None, limited))}
 
 
 # Changes of a result that is good, its grade then, and words of the first reason.
@@ -132,6 +140,7 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "only mu_2 is wide": ({"law": law(1.05), "parameters": LARGE_MU_2}, "good", "+- 4.9 %"),
     "no errors": (without_bars(), "care", "The errors are not known: too few steps."),
     "no band": ({"law": law(None)}, "good", "mu_s is known to +- 4.9 %: 0.41 (0.39 to 0.43)"),
+    "stopped by a callback": ({"stopped": "on_step"}, "care", "was stopped at step 4000, before"),
     "outside": (outside(), "care", "The error bars are not tested here: mu_2/mu_s = 2.9 (tested"),
     "disagreeing": (far(-16.0), "care", "by -16.0 +- 5.0 % at I = 0.2: one of them is wrong."),
     "agreeing": (far(-14.0), "good", "mu(I) is known to"),
@@ -140,6 +149,8 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
         "care",
         "The data support another law: a constant friction of 0.4 explains these data",
     ),
+    "one of its flows": (of_flows("care"), "care", "b.h5: It is noisy."),
+    "a bad one of its flows": (of_flows("do not use"), "do not use", "b.h5: It is noisy."),
     "narrow": (bootstrap(0.05), "care", "The error bars may be too narrow: the rms error of"),
     "narrow by chance": (bootstrap(0.03), "good", "mu(I) is known to"),
 }
@@ -168,7 +179,8 @@ def test_every_condition_is_met_by_a_case() -> None:
 def test_reasons_are_ordered_by_their_grades() -> None:
     result = make_result(**slips("improbable"), **outside(), residuals=residuals(0.06))
     said = {c.said(result): c.grade for c in CONDITIONS}
-    said |= {s: g for record in result.checks.values() for g, s in record.reasons(result)}
+    reasons = [r for record in result.checks.values() for r in record.reasons(result)]
+    said |= {reason.sentence: reason.grade for reason in reasons}
     grades = [said[reason] for reason in result.assessment.reasons]
     assert grades == sorted(grades, key=GRADES.index)
     assert set(grades) == set(GRADES)

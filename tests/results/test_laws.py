@@ -119,5 +119,5 @@ def test_values_without_error_bars_and_the_reason() -> None:
 def test_its_simulation_and_what_exists_for_mu_of_i_alone() -> None:
     collapse = collapse_of(make_flow(frames=3), GrainColumn(0.5, 0.5), LAW, (0.33,), 64)
     assert (collapse.law, collapse.mu_s) == ("coulomb", 0.33)
-    with pytest.raises(ConfigError, match=r"--free-I0 is for mu\(I\) alone, got --law coulomb"):
+    with pytest.raises(ConfigError, match=r"free_I0 is for mu\(I\) alone, got law coulomb"):
         require_mu_of_i(Config(law="coulomb"))

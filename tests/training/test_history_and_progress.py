@@ -160,7 +160,7 @@ def test_one_time_left_counts_all_stages(monkeypatch: pytest.MonkeyPatch) -> Non
     now = 1000.0
     monkeypatch.setattr(progress.time, "monotonic", lambda: now)
     lines = Lines(io.StringIO(), every=0.0, last=[Stage("figures", seconds=5.0)])
-    lines.plan([Stage("error bars", steps=1250), Stage("checks", seconds=2.0)], None)
+    lines.plan([Stage("error bars", steps=1250), Stage("checks", seconds=2.0)], None, 1)
     lines.start(1000, 0)
     assert lines.words == ""
     for step in (250, 500):

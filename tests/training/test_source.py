@@ -17,8 +17,8 @@ from granpinn.data import Flow, FlowFileError, write_flow
 from granpinn.data.flow import Source
 from granpinn.data.source import source_at
 from granpinn.fit.case import Case, pose
-from granpinn.inspection.baseline import baseline
-from granpinn.inspection.slips import slips
+from granpinn.inspection import quick
+from granpinn.inspection.momentum_balance import baseline
 from granpinn.kernels import ops
 from granpinn.training.objective import Objective
 from granpinn.training.operators import COMPILED, IN_TORCH
@@ -142,5 +142,5 @@ def test_what_has_gravity_alone_says_so(tmp_path: Path) -> None:
 def test_checks_of_the_fall_are_left_out() -> None:
     """Grains that gain more energy than gravity gives are a slip, unless another force acts."""
     weak = make_flow(gravity=(0.0, -1.0))
-    assert any("energy" in slip.text for slip in slips(weak))
-    assert not slips(replace(weak, source=force))
+    assert any("energy" in slip.sentence for slip in quick(weak).slips)
+    assert not quick(replace(weak, source=force)).slips

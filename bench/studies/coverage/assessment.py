@@ -28,13 +28,13 @@ from bench.studies.coverage.materials import LAW
 from bench.studies.coverage.table import GRAINS, PATH
 from granpinn.checks import momentum_balance
 from granpinn.config import Config
+from granpinn.inspection.momentum_balance import Baseline, Point
 from granpinn.physics import terms
 from granpinn.results import DataSummary, Input, Parameter, Parameters, Residuals, Result, Timing
 from granpinn.results.assessment import GRADES, contradicted
-from granpinn.results.baseline import Baseline, Point
 from granpinn.results.identified_law import IdentifiedLaw
+from granpinn.results.record import Reason
 from granpinn.results.records import Members
-from granpinn.results.slip import Slip
 from granpinn.uncertainty.curve import with_curve
 from granpinn.uncertainty.determined import applied, determined
 from granpinn.uncertainty.error_bars import center, judge
@@ -125,8 +125,8 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
     return result.with_record("momentum_balance", record)
 
 
-def _slips(text: str) -> tuple[Slip, ...]:
-    return tuple(Slip(severity, "a slip") for severity in text.split())
+def _slips(text: str) -> tuple[Reason, ...]:
+    return tuple(Reason(grade, "a slip") for grade in text.split())
 
 
 def _points(text: str) -> list[Point]:

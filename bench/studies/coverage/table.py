@@ -5,7 +5,7 @@ python -m bench.studies.coverage.table RESULTS/*.json GRAINS/grains.json
 The files are those of run.py and films.py, whose names are those of the populations, and those of
 bench.studies.grains.run, which are the population `grains`. Lines of other populations stay. The
 table is results/rows.csv, or the file of `--csv`. Values of the members of an ensemble stand in one
-cell; so do the severities of slips, and I, mu and standard error of every point of the momentum
+cell; so do the grades of slips, and I, mu and standard error of every point of the momentum
 balance. The truth holds over the whole range of I of a simulated flow, and between `true_low` and
 `true_high` for grains; a scene of one inertial number has one mu.
 """
@@ -110,7 +110,7 @@ def _of_run(row: dict[str, Any]) -> Cells:
         **{name: residuals.get(name) for name in RESIDUALS},
         **{name: data[name] for name in ("measured_noise", "independent")},
         "symmetries": "; ".join(data["symmetries"]),
-        "slips": " ".join(slip["severity"] for slip in data["slips"]),
+        "slips": " ".join(slip["grade"] for slip in data["slips"]),
         "carried": balance["carried"],
         "balance": " ".join(f"{v:.6g}" for point in balance["points"] for v in point[:3]),
     }

@@ -39,7 +39,7 @@ from bench.studies.grains.surface import fraction, surface_height
 from bench.studies.grains.truths import truth_of
 from granpinn.arrays import Float64
 from granpinn.data import Flow, write_flow
-from granpinn.inspection.baseline import baseline
+from granpinn.inspection.momentum_balance import baseline
 
 FLOW, REFERENCE, SUMMARY = "flow.h5", "reference.npz", "scene.json"
 

@@ -8,17 +8,20 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 from unittest import mock
 
+import granpinn.figures.album
+import granpinn.figures.animation
+import granpinn.figures.simulation
+import granpinn.train
 from granpinn.convert import main as convert
-from granpinn.inspect import main as inspect
+from granpinn.inspect.__main__ import main as inspect
 from granpinn.report.__main__ import main as report
 from granpinn.simulate import main as simulate
 from granpinn.tables.__main__ import main as tables
-from granpinn.train import main as train
 
 MAINS: dict[str, Callable[[Sequence[str]], int]] = {
     "inspect": inspect,
     "convert": convert,
-    "train": train,
+    "train": granpinn.train.main,
     "report": report,
     "simulate": simulate,
     "tables": tables,

@@ -225,7 +225,7 @@ MISTAKES = [
          "return friction / gap"),
         ("unit", "data/scaling.py", 'coefficient(friction, scales.to_dimensionless(gap, "length"))',
          "coefficient(friction, gap)"),
-        ("index", "inspection/side_walls.py", "return k * u / speed, k * v / speed",
+        ("index", "estimates/stress.py", "return k * u / speed, k * v / speed",
          "return k * u / speed, k * u / speed"),
         ("factor", "fit/assumptions.py", "lower + 2 * walls.friction_sd",
          "lower + walls.friction_sd"),

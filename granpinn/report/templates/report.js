@@ -1,24 +1,17 @@
 "use strict";
-/* The film: a canvas that shows one frame of one sheet. Without this script the page has a still. */
+/* The film: a canvas that shows one frame of the sheet. Without this script the page has a still. */
 (function () {
   const film = document.getElementById("film");
   const find = (selector) => film.querySelector(selector);
   const canvas = find("canvas"), slider = find("input[type=range]"), play = find("button");
   const now = find(".now"), still = find(".still"), times = JSON.parse(film.dataset.times);
   const columns = Number(film.dataset.columns), pause = Math.min(300, Math.max(40, 10000 / times.length));
-  const choices = Array.from(film.querySelectorAll("input[type=radio]"));
-  const context = canvas.getContext("2d");
-  const sheets = new Map();
+  const context = canvas.getContext("2d"), sheet = new Image();
   let timer = null;
 
   function draw() {
-    const k = Number(slider.value), choice = choices.find((c) => c.checked);
-    const sheet = sheets.get(choice.value);
-    const words = choice.dataset.label + " at t = " + times[k];
+    const k = Number(slider.value), words = "pressure at t = " + times[k];
     slider.setAttribute("aria-valuetext", "t = " + times[k]);
-    for (const scale of film.querySelectorAll(".scale")) {
-      scale.hidden = scale.dataset.of !== choice.value;
-    }
     if (!sheet.complete || sheet.naturalWidth === 0) {
       return;
     }
@@ -30,7 +23,7 @@
     canvas.setAttribute("aria-label", words);
     canvas.hidden = false;
     still.hidden = true;
-    film.dataset.shown = choice.value + " " + k;
+    film.dataset.shown = k;
   }
 
   function stop() {
@@ -45,13 +38,8 @@
     draw();
   }
 
-  for (const choice of choices) {
-    const sheet = new Image();
-    sheets.set(choice.value, sheet);
-    sheet.addEventListener("load", draw);
-    sheet.src = choice.dataset.sheet;
-    choice.addEventListener("change", draw);
-  }
+  sheet.addEventListener("load", draw);
+  sheet.src = film.dataset.sheet;
   slider.addEventListener("input", function () { stop(); draw(); });
   play.addEventListener("click", function () {
     if (timer !== null) {

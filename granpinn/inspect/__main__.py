@@ -4,6 +4,8 @@ Exit codes: 0 done; 2 bad input; 1 the results cannot be written.
 
 In Python, `granpinn.inspect(flow)` gives the same numbers.
 """
+# This folder has no __init__.py: a package would hide the module `inspect` of the standard library
+# from code that runs in granpinn/.
 
 from __future__ import annotations
 
@@ -31,10 +33,8 @@ from granpinn.data import FlowFileWarning, read_flow
 from granpinn.data.reader import is_flow_file
 from granpinn.data.steady import said
 from granpinn.inspection import AssumedLaw, Inspection, inspect
-from granpinn.inspection.text import lines_of
 from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.physics.law_values import PARAMETERS
-from granpinn.uncertainty.expectation import expected, facts
 
 EXAMPLES = """examples:
   python -m granpinn.inspect flow.h5
@@ -62,12 +62,11 @@ def _run(argv: Sequence[str]) -> int:
         warnings.simplefilter("ignore", FlowFileWarning)
         flow = read_flow(data)
     found = inspect(flow, options["law"], options["side_walls"])
-    sentences = facts(found)
-    numbers = found.numbers() | {"expected_sd": expected(found), "facts": sentences}
+    numbers = json.dumps(found.numbers(), indent=2, allow_nan=False)
     if options["out"] is not None:
         write(found, numbers, options["out"])
     if options["json"]:
-        print(json.dumps(numbers, indent=2, allow_nan=False))
+        print(numbers)
         return 0
     if (mean := said(found.flow)) is not None:
         print(mean)
@@ -76,7 +75,7 @@ def _run(argv: Sequence[str]) -> int:
             f"large flow: measured in {found.flow.t.size} of {flow.t.size} frames, from t = "
             f"{found.flow.t[0]:.4g} to {found.flow.t[-1]:.4g}; checked in all"
         )
-    print("\n".join(lines_of(found, sentences)))
+    print("\n".join(found.lines()))
     if options["out"] is not None:
         print(f"figures and inspect.json: {options['out']}")
     if found.slips:
@@ -142,16 +141,18 @@ def _require_flow_file(paths: list[Path]) -> None:
     raise refusal(paths, "inspect")
 
 
-def write(found: Inspection, numbers: dict[str, Any], folder: Path) -> None:
+def write(found: Inspection, numbers: str, folder: Path) -> None:
     """Writes inspect.json and the figures to a folder, which is made if necessary."""
-    from granpinn.figures.inspection import save_figures  # matplotlib is slow to import
+    from granpinn.figures.style import save  # matplotlib is slow to import
 
     make_folder(folder)
-    write_text(folder / "inspect.json", json.dumps(numbers, indent=2, allow_nan=False) + "\n")
-    save_figures(found, folder)
+    write_text(folder / "inspect.json", numbers + "\n")
+    for record in found.records.values():
+        for name, (_, draw) in record.figures().items():
+            save(draw(found).figure, folder / f"{name}.png")
 
 
-call_like(inspect, __name__)
+call_like(inspect, "granpinn.inspect")
 
 if __name__ == "__main__":
     sys.exit(main())

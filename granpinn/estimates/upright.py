@@ -11,12 +11,12 @@ from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data import Flow
 from granpinn.data.surface_line import STEEP, folded, line_heights
 from granpinn.data.walls import segments_of
-from granpinn.inspection.plate import Plate, plate_on
 
 NO_TOP = (
     "the flow has no surface line nor, with periodic sides, a plate of known pressure and shear "
     "stress, and the stress is counted from these"
 )
+LEVEL = 0.02  # largest slope of a plate
 EVEN = 0.02  # largest relative difference of the spacings of a regular axis
 
 
@@ -74,7 +74,7 @@ def upright(flow: Flow, reach: int) -> Upright | str:
     x, y = turned.axes(flow.x, flow.y)
     u, v = turned.vector(flow.u, flow.v)
     c = turned.grid(flow.c)
-    plate = None
+    load = 0.0, 0.0
     if free and flow.surface is not None:
         line = turned.points(flow.surface.x, flow.surface.y)
         height = line_heights(flow.t, x, flow.surface.t, *line)
@@ -83,7 +83,8 @@ def upright(flow: Flow, reach: int) -> Upright | str:
         plate = _plate(flow, turned, float(y[np.flatnonzero((c > 0).any(axis=(0, 2)))[-1]]))
         if plate is None:
             return NO_TOP
-        height = np.full((len(flow.t), len(x)), plate.height)
+        level, load = plate[0], plate[1:]
+        height = np.full((len(flow.t), len(x)), level)
         steep = np.zeros(height.shape, bool)
     return Upright(
         t=flow.t,
@@ -98,7 +99,7 @@ def upright(flow: Flow, reach: int) -> Upright | str:
         interval=_interval(flow),
         steady=flow.steady,
         periodic=_periodic(flow, turned),
-        load=(0.0, 0.0) if plate is None else (plate.p, plate.tau),
+        load=load,
     )
 
 
@@ -111,11 +112,28 @@ def _periodic(flow: Flow, turned: _Turn) -> bool:
     return flow.periodic and turned.quarters == 0
 
 
-def _plate(flow: Flow, turned: _Turn, top: float) -> Plate | None:
-    """The plate on a flow with periodic sides."""
+def _plate(flow: Flow, turned: _Turn, top: float) -> tuple[float, float, float] | None:
+    """Height, pressure and shear stress of a plate on the grains; None if there is none.
+
+    The sides of the flow must be periodic, and the stress on the plate known.
+
+    Args:
+        top: height of the highest cell of grains in upright axes.
+    """
     if flow.walls is None or not _periodic(flow, turned):
         return None
-    return plate_on(flow, turned_walls(flow.gravity, segments_of(flow.walls).ends), top)
+    walls = segments_of(flow.walls)
+    ends = turned_walls(flow.gravity, walls.ends)
+    along = np.abs(ends[:, 1] - ends[:, 0])
+    known = np.isfinite(walls.p).all(axis=1) & np.isfinite(walls.tau).all(axis=1)
+    known &= (along[:, 1] <= LEVEL * along[:, 0]) & (ends[:, :, 1].min(axis=1) > top)
+    if not known.any():
+        return None
+    height, p, tau = (
+        float(np.average(a[known].mean(axis=1), weights=along[known, 0]))
+        for a in (ends[:, :, 1], walls.p, walls.tau)
+    )
+    return height, p, tau
 
 
 class _Turn:

@@ -1,4 +1,4 @@
-"""Slips of what a flow file states: numbers that the flow itself bounds.
+"""What a flow file states: usual sizes, and numbers that the flow itself bounds.
 
 Such a statement can be read and used, but it is likely to be in another unit, or of another flow.
 The bounds are wide: no sound file of any study comes near them.
@@ -8,40 +8,90 @@ The bounds are wide: no sound file of any study comes near them.
 - A measured velocity has an error between 1e-6 times the largest speed and that speed.
 - A pressure or a stress is at most some times the weight of the grains.
 - A steady layer that is the same at every x flows under a free surface only down a slope.
+
+Sizes have the bounds of any laboratory and field, with margins:
+
+- A flow is a continuum from about 10 grains across it; thin layers on slopes flow from 5 on. The
+  largest flows of small grains, 2,000 diameters, are columns of a metre of sand.
+- Grains fill 0.5 to 0.65 of a dense flow, and disks in a plane up to 0.91 of it.
+- On Earth |g| is 9.81 m/s^2. Its part along a plane that leans may be smaller.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from granpinn.arrays import Float64, Floats
 from granpinn.data import Flow, known_sd
 from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
-from granpinn.data.large import slabs, spread
+from granpinn.data.large import spread
 from granpinn.data.scaling import initial_height
+from granpinn.inspection import Inspection, digits
 from granpinn.physics.axes import vertical_coordinate
-from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, UNUSUAL, Slip
+from granpinn.results.record import IMPOSSIBLE, IMPROBABLE, UNUSUAL, Check, Reason, Record
 
+FEWEST_GRAINS, FEW_GRAINS, FEW_IN_LAYERS, MOST_GRAINS = 2.0, 10.0, 5.0, 2000.0
+EMPTY = 0.2  # share of the space that grains fill
+EARTH = (0.5, 11.0)  # m/s^2
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+SECONDS = {"s": 1.0, "ms": 1e-3}
 COARSE, UNSURE = 0.5, 0.3  # cell of the solver and error of the line, over the height
 MONOLAYER = 0.9  # distance of side walls over the grain diameter
 LONG = 1000.0  # period over the width of the grid
 EXACT = 1e-6  # error of a velocity over the largest speed
 HEAVY, TOO_HEAVY = 1e3, 1e6  # stress over the weight of the grains
-SHORT = 1e-3  # shortest time step over the median one
 LEVEL = 0.01  # component of gravity along x, over gravity
 ONE_WAY = 0.5  # mean velocity over mean speed
 FEWEST = 5  # columns of grains that a line of one column cannot cover
 
 
-def statement_slips(flow: Flow, speeds: Float64) -> list[Slip]:
-    """Slips of the statements of a flow; `speeds` are those of some vectors [n]."""
-    found = [*_lengths(flow), *_errors(flow, speeds), *_line(flow), *_frames(flow)]
-    return [*found, *_stresses(flow), *_level(flow, speeds), *_alike(flow)]
+@dataclass(frozen=True)
+class Statements(Record):
+    """The slips of the statements of a flow."""
+
+    slips: tuple[Reason, ...]
+
+    def reasons(self, of: Inspection) -> list[Reason]:
+        return list(self.slips)
 
 
-def _lengths(flow: Flow) -> list[Slip]:
+def make(inspection: Inspection) -> Statements:
+    flow, speeds = inspection.filmed, inspection.speeds
+    found = [*_sizes(flow), *_lengths(flow), *_errors(flow, speeds), *_line(flow)]
+    return Statements((*found, *_stresses(flow), *_level(flow, speeds), *_alike(flow)))
+
+
+def _sizes(flow: Flow) -> list[Reason]:
+    """Of the grains, of their density and of gravity."""
+    found, count = [], initial_height(flow) / flow.grain_diameter
+    few = FEW_IN_LAYERS if flow.periodic else FEW_GRAINS
+    if not few <= count <= MOST_GRAINS:
+        text = (
+            f"the {'layer is' if flow.periodic else 'grains are'} {digits(count)} diameters high "
+            f"in the first frame, and flows of {few:g} to {MOST_GRAINS:,.0f} are usual: check the "
+            "grain diameter and the scale"
+        )
+        found.append(Reason(IMPOSSIBLE if count < FEWEST_GRAINS else UNUSUAL, text))
+    share = math.inf if flow.grain_density is None else flow.density / flow.grain_density
+    if share < EMPTY:
+        text = (
+            f"the grains fill {share:.3g} of the space (density {flow.density:.4g}, of a grain "
+            f"{flow.grain_density:.4g}), and 0.5 to 0.65 are usual: check both densities"
+        )
+        found.append(Reason(IMPROBABLE, text))
+    if flow.length_unit in METRES and flow.time_unit in SECONDS:
+        unit = METRES[flow.length_unit] / SECONDS[flow.time_unit] ** 2
+        g = math.hypot(*flow.gravity) * unit
+        if not EARTH[0] <= g <= EARTH[1]:
+            text = f"gravity is {digits(g)} m/s^2, and 9.81 on Earth: check its size and unit"
+            found.append(Reason(UNUSUAL, text))
+    return found
+
+
+def _lengths(flow: Flow) -> list[Reason]:
     height, width, d = initial_height(flow), float(np.ptp(flow.x)), flow.grain_diameter
     of_height = f"the grains are {height:.3g} high"
     bounds = (
@@ -52,13 +102,13 @@ def _lengths(flow: Flow) -> list[Slip]:
         (PERIOD_X, UNUSUAL, 0.0, LONG * width, f"x spans {width:.3g}"),
     )
     return [
-        Slip(severity, f"{name} is {value:.3g}, and {why}: check its unit")
+        Reason(severity, f"{name} is {value:.3g}, and {why}: check its unit")
         for name, severity, low, high, why in bounds
         if (value := flow.stated(name)) is not None and not low <= value <= high
     ]
 
 
-def _errors(flow: Flow, speeds: Float64) -> list[Slip]:
+def _errors(flow: Flow, speeds: Float64) -> list[Reason]:
     sd, fastest = known_sd(spread(flow)), float(speeds.max(initial=0.0))
     if sd == 0 or fastest == 0 or EXACT * fastest <= sd <= fastest:
         return []
@@ -67,10 +117,10 @@ def _errors(flow: Flow, speeds: Float64) -> list[Slip]:
         f"the standard deviation of the velocity, {sd:.3g}, is {size} the largest speed, "
         f"{fastest:.3g}: check the unit of sigma_u and sigma_v"
     )
-    return [Slip(UNUSUAL, text)]
+    return [Reason(UNUSUAL, text)]
 
 
-def _line(flow: Flow) -> list[Slip]:
+def _line(flow: Flow) -> list[Reason]:
     if flow.surface is None:
         return []
     upright, _ = vertical_coordinate(flow.gravity)
@@ -82,31 +132,10 @@ def _line(flow: Flow) -> list[Slip]:
         f"all points of the free surface lie within one of {columns} columns of grains, at "
         f"{'x' if upright else 'y'} = {place[0]:.4g}: give the line from end to end"
     )
-    return [Slip(IMPROBABLE, text)]
+    return [Reason(IMPROBABLE, text)]
 
 
-def _frames(flow: Flow) -> list[Slip]:
-    found = []
-    full = np.concatenate([(flow.c[k] >= 1).any(axis=(1, 2)) for k in slabs(flow)])
-    seen = np.flatnonzero(full)
-    empty = int(seen[-1] - seen[0] + 1 - seen.size)
-    if empty:
-        text = (
-            f"{empty} frames between others hold no grains (c = 1 nowhere): leave them out, or "
-            "give their fraction"
-        )
-        found.append(Slip(IMPROBABLE, text))
-    steps = np.diff(flow.t)
-    if not flow.steady and steps.min() < SHORT * np.median(steps):
-        text = (
-            f"frames follow each other by {steps.min():.3g} to {steps.max():.3g}, with "
-            f"{np.median(steps):.3g} as the median: check the times"
-        )
-        found.append(Slip(UNUSUAL, text))
-    return found
-
-
-def _stresses(flow: Flow) -> list[Slip]:
+def _stresses(flow: Flow) -> list[Reason]:
     weight = flow.density * math.hypot(*flow.gravity) * initial_height(flow)
     parts = {
         "surface_p": None if flow.surface is None else flow.surface.p,
@@ -119,11 +148,11 @@ def _stresses(flow: Flow) -> list[Slip]:
         ratio = float(sizes.max(initial=0.0)) / weight
         if ratio > HEAVY:
             text = f"{name} is up to {ratio:.2g} times the weight of the grains: check its unit"
-            found.append(Slip(IMPOSSIBLE if ratio > TOO_HEAVY else IMPROBABLE, text))
+            found.append(Reason(IMPOSSIBLE if ratio > TOO_HEAVY else IMPROBABLE, text))
     return found
 
 
-def _level(flow: Flow, speeds: Float64) -> list[Slip]:
+def _level(flow: Flow, speeds: Float64) -> list[Reason]:
     """A steady layer under a free surface that nothing drives along x; a plate may drive others."""
     moves = flow.walls is not None and flow.walls.u is not None and bool(np.any(flow.walls.u))
     layer = flow.steady and flow.periodic and flow.surface is not None
@@ -138,10 +167,10 @@ def _level(flow: Flow, speeds: Float64) -> list[Slip]:
         "the flow is steady and the same at every x, and gravity has no component along x, so that "
         "nothing drives it: give gravity in the axes of the slope (granpinn convert --tilt)"
     )
-    return [Slip(IMPROBABLE, text)]
+    return [Reason(IMPROBABLE, text)]
 
 
-def _alike(flow: Flow) -> list[Slip]:
+def _alike(flow: Flow) -> list[Reason]:
     """Grains that move as one body."""
     u, v = _vectors(flow)
     size = float(np.hypot(u, v).max(initial=0.0))
@@ -151,7 +180,7 @@ def _alike(flow: Flow) -> list[Slip]:
         f"all vectors are ({u[0]:.4g}, {v[0]:.4g}), and grains that move as one body show nothing "
         "of their friction: check u and v"
     )
-    return [Slip(IMPOSSIBLE, text)]
+    return [Reason(IMPOSSIBLE, text)]
 
 
 def _vectors(flow: Flow) -> tuple[Floats, Floats]:
@@ -160,3 +189,6 @@ def _vectors(flow: Flow) -> tuple[Floats, Floats]:
         return flow.particles.u, flow.particles.v
     some = spread(flow)
     return some.u[some.valid], some.v[some.valid]
+
+
+CHECK = Check("statements", Statements, make, seconds=0.11)

@@ -20,7 +20,7 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.data import Flow
 from granpinn.data.walls import Segments, segments_of
-from granpinn.inspection.upright import Upright, turned_walls
+from granpinn.estimates.upright import Upright, turned_walls
 
 FRICTION = 0.4
 LARGEST_SHARE = 1 / 3  # of the weight; half of that is carried at a depth of half the width

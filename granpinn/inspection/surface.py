@@ -1,10 +1,7 @@
-"""Slips of the surface line, and of the direction of gravity where grains run down a slope.
+"""The free surface: its line ends the grains, and they run downhill below it.
 
 - **Line.** It ends the grains: none are above it, and the first full cell is less than two cells
   below it. Three cells are a margin for a line and vectors of different origin.
-- **Lag.** It moves with the grains (line_lag.py). A lag of more than LATE frames and a cell
-  that explains half of what the line differs from the vectors is no accident: in sound flows the
-  surface moves by 0.2 cells in the lag at most (bench/studies/slips).
 - **Downhill.** Grains at a free surface have nothing above that drives them, so on average they
   move down: -y in the axes of gravity. In simulated grains this component is 0.24 to 0.98 of the
   speed there (chutes, drums, heaps, silos, collapses; bench/studies/slips). A plate has no surface.
@@ -19,13 +16,12 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow, Surface
-from granpinn.inspection.line_lag import Lag, lag_of
-from granpinn.inspection.upright import Upright, upright
-from granpinn.results.slip import IMPOSSIBLE, IMPROBABLE, Slip
+from granpinn.estimates.upright import Upright, upright
+from granpinn.inspection import Inspection
+from granpinn.results.record import ADVICE, IMPOSSIBLE, IMPROBABLE, Check, Reason, Record
 
 CELLS = 3.0  # between the line and the first full cell
 LAYER = 4.0  # cells below the line
-LATE, FAR, EXPLAINED = 1.5, 1.0, 0.5  # frames; cells; share of the variance
 ABOVE, FAR_ABOVE = 0.1, 0.5  # share of the vectors above the line
 UPHILL = -0.1  # mean of (v . g) over mean of |v| |g|
 FEWEST = 50  # vectors
@@ -34,98 +30,84 @@ FRAMES = 24  # at most
 
 
 @dataclass(frozen=True)
-class Line:
+class FreeSurface(Record):
     """The line of the free surface against the vectors.
 
+    They are not compared with few vectors below the line, with other forces than gravity, or
+    without a grid.
+
     Attributes:
+        points: of the line.
+        frames: share of the frames with points.
         above: share of the vectors more than CELLS above the line.
         gap: height of the line over the uppermost full cells, median over the columns without
             holes, in cells; 0 if most columns have holes.
-        lag: of the line behind the vectors; None: not known, as where most columns have holes.
-        interval: median time between two frames.
-        down: mean of v . g over mean of |v| |g|, in the uppermost LAYER cells; None: at rest.
+        down: mean of v . g over mean of |v| |g|, in the uppermost LAYER cells; None: not known.
     """
 
-    above: float
-    gap: float
-    lag: Lag | None
-    interval: float
-    down: float | None
+    title = "free surface"
+
+    points: int
+    frames: float
+    above: float = 0.0
+    gap: float = 0.0
+    down: float | None = None
 
     @property
-    def late(self) -> float | None:
-        """Frames by which the line is late; None if it may be in time."""
-        if self.lag is None or self.interval <= 0:
-            return None
-        frames = self.lag.time / self.interval
-        certain = self.lag.explained > EXPLAINED and self.lag.cells > FAR
-        return frames if certain and abs(frames) > LATE else None
+    def words(self) -> str:
+        return f"{self.points} points in {self.frames:.0%} of the frames" if self.points else "none"
 
-
-def surface_slips(flow: Flow) -> list[Slip]:
-    """A slip of the line; without one, grains that run uphill."""
-    line = line_of(flow)
-    if line is None:
-        return []
-    if line.late is not None and line.above <= FAR_ABOVE:
-        side = "behind" if line.late > 0 else "ahead of"
-        return [
-            Slip(
-                IMPROBABLE,
-                f"the line of the free surface is {abs(line.late):.2g} frames {side} the motion of "
-                "the grains at the surface: check the times, the frame rate and the scale of the "
-                "line",
-            )
-        ]
-    if line.above > ABOVE:
-        return [
-            Slip(
-                IMPOSSIBLE if line.above > FAR_ABOVE else IMPROBABLE,
-                f"{line.above:.0%} of the vectors lie more than {CELLS:g} cells above the line of "
+    def reasons(self, of: Inspection) -> list[Reason]:
+        if not self.points:
+            if of.undetermined is not None:
+                return []
+            text = "No free surface: level V0 only; give the line, it fixes the pressure."
+            return [Reason(ADVICE, text)]
+        if self.above > ABOVE:
+            text = (
+                f"{self.above:.0%} of the vectors lie more than {CELLS:g} cells above the line of "
                 "the free surface, measured against gravity: check the unit, the origin and the "
-                "sign of surface_y, and the direction of gravity",
+                "sign of surface_y, and the direction of gravity"
             )
-        ]
-    if abs(line.gap) > CELLS:
-        side = "above" if line.gap > 0 else "below"
-        return [
-            Slip(
-                IMPROBABLE,
-                f"the line of the free surface lies {abs(line.gap):.2g} cells {side} the uppermost "
-                "vectors: check its origin and unit, and its direction of y",
+            return [Reason(IMPOSSIBLE if self.above > FAR_ABOVE else IMPROBABLE, text)]
+        if abs(self.gap) > CELLS:
+            side = "above" if self.gap > 0 else "below"
+            text = (
+                f"the line of the free surface lies {abs(self.gap):.2g} cells {side} the uppermost "
+                "vectors: check its origin and unit, and its direction of y"
             )
-        ]
-    if line.down is None or line.down > UPHILL:
-        return []
-    return [
-        Slip(
-            IMPROBABLE,
-            f"the grains at the free surface run uphill ({-line.down:.2f} of their speed is "
+            return [Reason(IMPROBABLE, text)]
+        if self.down is None or self.down > UPHILL:
+            return []
+        text = (
+            f"the grains at the free surface run uphill ({-self.down:.2f} of their speed is "
             "against gravity): check the signs of u, v, x and y, the direction of gravity, and "
-            "the order of the frames",
+            "the order of the frames"
         )
-    ]
+        return [Reason(IMPROBABLE, text)]
 
 
-def line_of(flow: Flow) -> Line | None:
-    """The line of a flow on a grid; None without a line, or with few vectors below it."""
+def make(inspection: Inspection) -> FreeSurface:
+    flow = inspection.filmed
     if flow.surface is None:
-        return None
-    pose = upright(_some_frames(flow, flow.surface), 0)
+        return FreeSurface(0, 0.0)
+    middle = (flow.t[1:] + flow.t[:-1]) / 2
+    frames = np.unique(np.searchsorted(middle, flow.surface.t)).size
+    found = FreeSurface(flow.surface.t.size, frames / flow.t.size)
+    pose = upright(_some_frames(flow, flow.surface), 0) if flow.source is None else "driven"
     if isinstance(pose, str):
-        return None
+        return found
     dy = float(np.diff(pose.y).mean())
     height, y = pose.height[:, None, :], pose.y[:, None]
     grains = (pose.c > 0.5) & np.isfinite(pose.u) & np.isfinite(pose.v) & np.isfinite(height)
     if grains.sum() < FEWEST:
-        return None
+        return found
     top, whole = _tops(grains, pose.y)
     dense = 2 * whole.sum() > np.isfinite(top).sum()
-    return Line(
+    return replace(
+        found,
         above=float(np.mean((y > height + CELLS * dy)[grains])),
         gap=float(np.median((pose.height - top)[whole])) / dy if dense else 0.0,
-        lag=lag_of(pose, grains, top, whole) if dense and not flow.steady else None,
-        interval=float(np.median(np.diff(flow.t))) if flow.t.size > 1 else 0.0,
         down=_downhill(pose, grains & (y > height - LAYER * dy)),
     )
 
@@ -159,3 +141,6 @@ def _downhill(pose: Upright, layer: Bool) -> float | None:
     if u.size < FEWEST or not speed > 0:
         return None
     return float((g_x * u + g_y * v).sum()) / speed
+
+
+CHECK = Check("surface", FreeSurface, make, seconds=0.08, explains=True)

@@ -1,0 +1,331 @@
+r"""Gravity, as the grains show it: it bounds their acceleration, energy and speed.
+
+A wrong scale, frame rate or gravity leaves u and v in agreement with the motion of the grains. Only
+gravity shows it: a scale wrong by a factor s changes all accelerations by s, a frame rate wrong by
+r changes them by r^2.
+
+- **Fall.** Dry grains push and do not pull. So a free side of the body moves inward, into the
+  body, with the acceleration of gravity at most, and with all of it where nothing carries it: at
+  the top of a slender column. The mean velocity of the layer there against time has this slope. It
+  is within 0.4 % and 0.2 degrees of gravity in columns six times as high as wide, and the mean over
+  hundreds of vectors hides the noise (bench/studies/slips). 1.2 g is improbable, 1.8 g impossible.
+  The top of a column that is four times as high as wide falls with 0.87 g or more; 0.7 g is
+  improbable. The sideways push of the grains below turns the fall by 1.6 degrees in columns three
+  times as high as wide; 3 degrees are improbable.
+- **Energy.** Friction takes energy and no wall at rest gives any: the kinetic energy that the
+  grains gain is a part of the work of gravity on them, $\int \rho\, g \cdot v$. With lengths or
+  velocities in a wrong unit both sides change by different powers. 1.1 is improbable, 1.5
+  impossible. Walls that move give energy: it is left out if the file states them.
+- **Height.** The center of mass of a closed flow with no moving walls never rises.
+- **Speed.** Grains that fall a height H reach sqrt(2 |g| H). Those at a front are pushed, and reach
+  sqrt(4 |g| H) without friction (the dam break). Grains that enter the grid may have fallen
+  farther: a chute may be far longer than the grid, but not fall from 10^4 times its height.
+
+Error bars of three standard errors count on top.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from granpinn.data import Flow
+from granpinn.estimates.body import INWARD, Body
+from granpinn.inspection import Inspection, about, digits
+from granpinn.results.record import IMPOSSIBLE, IMPROBABLE, Check, Reason, Record
+
+# A fall is measured while the speed of a side rises from the first to the second part of its
+# largest, in so many frames; the rest of a straight line is at most this part of it.
+RISES = (0.1, 0.7)
+FEWEST_FRAMES = 4
+STRAIGHT = 0.1
+# The energy grows if it was less than this part of its largest at first; as many grains are seen.
+GROWS, SAME_GRAINS = 0.7, 0.6
+SURE_WORK = 0.2  # largest standard error of the work of gravity, relative
+STANDARD_ERRORS = 3.0
+FAST, TOO_FAST = 1.2, 1.8  # inward acceleration over the pull of gravity
+ASIDE = 0.5  # of |g|: an inward acceleration that only gravity gives
+SHOWN = 0.85  # of |g|: an acceleration that is called a free fall
+FREE, TILT = 0.9, 3.0  # least acceleration of a free fall over |g|; degrees
+SLENDER, SLOW = 4.0, 0.7  # height over width; acceleration over the pull of gravity
+SPREADS = 0.8  # height of a column at last over that at first
+GAINS, GAINS_TOO_MUCH = 1.1, 1.5
+RISE = 0.01  # of the height of the grains: less work against gravity shows nothing
+CENTER_RISES = 0.1  # of the height of the grains
+CLOSED_FAST, OPEN_FAST = (1.5, 5.0), (10.0, 100.0)  # speed over that of a free fall
+FASTEST = 0.99  # quantile of the speeds
+
+
+@dataclass(frozen=True)
+class Fall:
+    """The fastest inward acceleration of a side.
+
+    Attributes:
+        side: its name in the axes of the file: left side, right side, bottom or top.
+        acceleration: (a_x, a_y) over |g|.
+        error: standard error of a component.
+        inward: the inward component.
+        pull: the inward component of gravity, -1 to 1.
+    """
+
+    side: str
+    acceleration: tuple[float, float]
+    error: float
+    inward: float
+    pull: float
+
+    @property
+    def size(self) -> float:
+        """Of the acceleration, over |g|."""
+        return math.hypot(*self.acceleration)
+
+    def tilt(self, gravity: tuple[float, float]) -> float:
+        """Degrees from gravity to the acceleration, counter-clockwise."""
+        (x, y), (g_x, g_y) = self.acceleration, gravity
+        return math.degrees(math.atan2(g_x * y - g_y * x, g_x * x + g_y * y))
+
+
+@dataclass(frozen=True)
+class Gravity(Record):
+    """
+    Attributes:
+        fall: of the side that accelerates most.
+        energy: kinetic energy that the grains gain up to its largest, and the work of gravity on
+            them; per mass, over |g| times the height of the grains.
+        speed: the largest over that of a free fall through the height of all grains; None without
+            vectors.
+        aspect, shrinks: height over width of the body in the first frame, and its height in the
+            last frame over that in the first.
+        rise: height that the center of mass gains, over the height of the grains.
+        closed: whether no grains cross the edges of the grid.
+        free: whether gravity is the only force.
+        gravity: vector of the flow file.
+    """
+
+    title = "gravity"
+
+    fall: Fall | None
+    energy: tuple[float, float] | None
+    speed: float | None
+    aspect: float
+    shrinks: float
+    rise: float
+    closed: bool
+    free: bool
+    gravity: tuple[float, float]
+
+    @property
+    def words(self) -> str:
+        fall = self.fall
+        if fall is None:
+            return "not checked: no side of the grains accelerates evenly, or there are few vectors"
+        if fall.pull > ASIDE and fall.size >= SHOWN:
+            return (
+                f"the {fall.side} of the grains falls with {fall.size:.3f} +- {fall.error:.1g} g, "
+                f"{fall.tilt(self.gravity):+.1f} degrees from it"
+            )
+        return f"not checked: nothing falls freely (largest acceleration {fall.size:.2f} g)"
+
+    def reasons(self, of: Inspection) -> list[Reason]:
+        """The most certain slip of scale, frame rate, gravity or speed, or none."""
+        if not self.free:
+            return []
+        fall = self.fall if self.closed else None
+        rules = (_direction(self.gravity, fall), _size(fall), _gain(self.energy))
+        slow = self._slow(fall), _tilt(self.gravity, fall), self._rise(), self._speed()
+        return [slip for slip in (*rules, *slow) if slip is not None][:1]
+
+    def _slow(self, fall: Fall | None) -> Reason | None:
+        """The top of a slender column that falls too slowly."""
+        if fall is None or self.aspect < SLENDER or self.shrinks >= SPREADS or fall.pull <= ASIDE:
+            return None
+        if fall.inward + STANDARD_ERRORS * fall.error > SLOW * fall.pull:
+            return None
+        factor = fall.inward / fall.pull
+        return Reason(
+            IMPROBABLE,
+            f"the {fall.side} of a column {self.aspect:.2g} times as high as wide falls with "
+            f"{digits(factor)} times the gravity of the file, and nearly freely if nothing holds "
+            f"it: {_remedy(factor, 'about')}",
+        )
+
+    def _rise(self) -> Reason | None:
+        if not (self.closed and self.rise > CENTER_RISES):
+            return None
+        text = (
+            f"the center of mass rises by {self.rise:.0%} of the height of the grains, and "
+            "without moving walls it can only fall: check the signs of gravity, y and v"
+        )
+        return Reason(IMPROBABLE, text)
+
+    def _speed(self) -> Reason | None:
+        """Speeds that no free fall reaches."""
+        fast, too_fast = CLOSED_FAST if self.closed else OPEN_FAST
+        if self.speed is None or not self.speed > fast:
+            return None
+        return Reason(
+            IMPOSSIBLE if self.speed > too_fast else IMPROBABLE,
+            f"grains move at {about(self.speed)} the speed of a free fall through the height of "
+            "all grains: check the units of u and v, x and y, and gravity",
+        )
+
+
+def _direction(gravity: tuple[float, float], fall: Fall | None) -> Reason | None:
+    """Grains that fall where gravity does not pull."""
+    if fall is None or fall.pull > ASIDE or fall.inward - STANDARD_ERRORS * fall.error < ASIDE:
+        return None
+    turned = abs(fall.tilt(gravity))
+    picture = "upside down" if turned > 135 else "turned by a quarter"
+    return Reason(
+        IMPOSSIBLE,
+        f"the {fall.side} of the grains falls with {digits(fall.size)} times gravity, {turned:.0f} "
+        f"degrees away from it: the picture is {picture}, or gravity has a wrong direction or "
+        "sign (convert: --flip-y, --tilt)",
+    )
+
+
+def _size(fall: Fall | None) -> Reason | None:
+    """Grains that fall faster than freely."""
+    if fall is None or not fall.pull > ASIDE:
+        return None
+    ratio = (fall.inward - STANDARD_ERRORS * fall.error) / fall.pull
+    if ratio < FAST:
+        return None
+    factor = fall.inward / fall.pull
+    return Reason(
+        IMPOSSIBLE if ratio > TOO_FAST else IMPROBABLE,
+        f"the {fall.side} of the grains falls with {digits(factor)} times the gravity of the file, "
+        f"and nothing falls faster than freely: {_remedy(factor, 'at least')}",
+    )
+
+
+def _gain(energy: tuple[float, float] | None) -> Reason | None:
+    """Grains that gain more energy than gravity gives."""
+    if energy is None:
+        return None
+    gained, work = energy
+    if work < 0:
+        if work > -RISE and gained < RISE:
+            return None
+        return Reason(
+            IMPROBABLE,
+            "the grains gain speed while they rise against gravity, and without moving walls they "
+            "can only fall: check the signs of gravity, y and v, and the order of the frames",
+        )
+    if gained / work < GAINS:
+        return None
+    return Reason(
+        IMPOSSIBLE if gained / work > GAINS_TOO_MUCH else IMPROBABLE,
+        f"the grains gain {digits(gained / work)} times the energy that gravity gives them, and "
+        "friction leaves less than all of it: the scale is too large (the share grows with it), "
+        "the frame rate is too high (with its square), or gravity is too small",
+    )
+
+
+def _tilt(gravity: tuple[float, float], fall: Fall | None) -> Reason | None:
+    """Grains that fall freely, but not along gravity."""
+    if fall is None or not fall.pull > ASIDE or fall.size < FREE:
+        return None
+    tilt = fall.tilt(gravity)
+    if abs(tilt) - STANDARD_ERRORS * math.degrees(fall.error / fall.size) < TILT:
+        return None
+    return Reason(
+        IMPROBABLE,
+        f"the freely falling {fall.side} of the grains accelerates {abs(tilt):.1f} degrees "
+        f"{'counter-' if tilt > 0 else ''}clockwise of gravity: check the direction of gravity "
+        "(convert: --tilt)",
+    )
+
+
+def _remedy(factor: float, bound: str) -> str:
+    """What explains an acceleration that is wrong by a factor, exactly so or by a bound."""
+    fast = factor > 1
+    size = max(factor, 1 / factor)
+    whole, root = (f"{bound} {digits(x)} times too" for x in (size, math.sqrt(size)))
+    if fast:
+        return f"the scale is {whole} large, the frame rate {root} high, or gravity {whole} small"
+    return f"the scale is {whole} small, the frame rate {root} low, or gravity {whole} large"
+
+
+def make(inspection: Inspection) -> Gravity:
+    flow, body, height = inspection.filmed, inspection.body, inspection.height
+    mass = inspection["mass"]
+    speeds, free_fall = inspection.speeds, math.sqrt(2 * math.hypot(*flow.gravity) * height)
+    driven = flow.walls is not None and flow.walls.u is not None
+    measured = (mass.closed or flow.periodic) and not driven and not flow.steady
+    aspect, shrinks = slender(body, flow.gravity)
+    return Gravity(
+        fall=None if flow.steady else fall_of(flow, body),
+        energy=energy_of(flow, body, height) if measured else None,
+        speed=float(np.quantile(speeds, FASTEST)) / free_fall if speeds.size else None,
+        aspect=aspect,
+        shrinks=shrinks,
+        rise=mass.rise,
+        closed=mass.closed,
+        free=flow.source is None,
+        gravity=flow.gravity,
+    )
+
+
+def fall_of(flow: Flow, body: Body) -> Fall | None:
+    """The fall of the side that accelerates most; None if no side does so in a straight line."""
+    found = [f for name in INWARD if (f := _fall(flow, body, name)) is not None]
+    return max(found, key=lambda fall: fall.inward, default=None)
+
+
+def _fall(flow: Flow, body: Body, side: str) -> Fall | None:
+    velocity, g = body.sides[side], math.hypot(*flow.gravity)
+    speed = velocity @ np.array(INWARD[side], float)
+    known = np.isfinite(speed)
+    t, velocity, speed = body.t[known], velocity[known], speed[known]
+    if speed.size < FEWEST_FRAMES:
+        return None
+    largest = int(np.argmax(speed))
+    slow = np.flatnonzero(speed[:largest] < RISES[0] * speed[largest])
+    start = int(slow[-1]) if slow.size else 0
+    stop = start + int(np.argmax(speed[start:] > RISES[1] * speed[largest])) + 1
+    if not speed[largest] > 0 or stop - start < FEWEST_FRAMES:
+        return None
+    t, velocity = t[start:stop] - t[start], velocity[start:stop]
+    matrix = np.stack([np.ones_like(t), t], axis=1)
+    line = np.linalg.lstsq(matrix, velocity, rcond=None)[0]
+    rest = np.sqrt(((velocity - matrix @ line) ** 2).sum(axis=0) / (t.size - 2))
+    if not rest.max() < STRAIGHT * speed[largest]:
+        return None
+    error = float(rest.max() / math.sqrt(((t - t.mean()) ** 2).sum())) / g
+    a_x, a_y = (float(a) / g for a in line[1])
+    d_x, d_y = INWARD[side]
+    pull = (flow.gravity[0] * d_x + flow.gravity[1] * d_y) / g
+    return Fall(side, (a_x, a_y), error, a_x * d_x + a_y * d_y, pull)
+
+
+def energy_of(flow: Flow, body: Body, height: float) -> tuple[float, float] | None:
+    """The energy that the grains gain; None if they gain little, or other grains are seen later."""
+    last = int(np.argmax(body.energy))
+    if last < 2 or not body.energy[0] < GROWS * body.energy[last]:
+        return None
+    if not SAME_GRAINS < body.area[last] / body.area[0] < 1 / SAME_GRAINS:
+        return None
+    power, step = body.velocity[: last + 1] @ np.array(flow.gravity), np.diff(body.t[: last + 1])
+    work = float(((power[1:] + power[:-1]) / 2) @ step)
+    # The noise of the power cancels in no second difference, and its change in time nearly does.
+    noise = float(np.sqrt(np.mean(np.diff(power, 2) ** 2) / 6)) if power.size > 2 else 0.0
+    if not noise * math.sqrt(float((step**2).sum())) < SURE_WORK * abs(work):
+        return None
+    unit = math.hypot(*flow.gravity) * height
+    return float(body.energy[last] - body.energy[0]) / unit, work / unit
+
+
+def slender(body: Body, gravity: tuple[float, float]) -> tuple[float, float]:
+    """Height over width of the body in the first frame, and its last height over the first.
+
+    Along the axis of the file closest to gravity.
+    """
+    along = int(abs(gravity[1]) >= abs(gravity[0]))
+    height, width = body.extent[:, along], body.extent[:, 1 - along]
+    return float(height[0] / width[0]), float(height[-1] / height[0])
+
+
+CHECK = Check("gravity", Gravity, make, seconds=0.06, explains=True)

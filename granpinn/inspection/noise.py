@@ -1,0 +1,145 @@
+"""The noise of the vectors, measured in the data (estimates/noise.py), and what the file states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from granpinn.data import Flow
+from granpinn.data.noise import max_speed
+from granpinn.inspection import NEGLIGIBLE_NOISE, Inspection
+from granpinn.results.record import ADVICE, Check, Reason, Record
+
+
+@dataclass(frozen=True)
+class MeasuredNoise(Record):
+    """Standard deviations of one component of one vector in the units of the file; None: unknown.
+
+    Attributes:
+        sigma: of a typical vector.
+        u, v: for each component alone.
+        in_time, in_space: from differences in time and in space.
+        vectors_per_independent: number of vectors over number of independent ones.
+        stated: median of the standard deviation in the file.
+        relative: sigma over the largest speed; None if either is unknown.
+        speed: the largest one, of the smoothed velocity where there is one: the largest of many
+            noisy speeds consists mostly of noise.
+        averaged: frames of which the flow is the mean; 1: none.
+        scattered: whether the vectors are.
+        unit: behind a number, with a space.
+    """
+
+    title = "noise"
+
+    sigma: float | None
+    u: float | None
+    v: float | None
+    in_time: float | None
+    in_space: float | None
+    vectors_per_independent: float
+    stated: float | None
+    relative: float | None
+    speed: float
+    averaged: int
+    scattered: bool
+    unit: str
+
+    @property
+    def negligible(self) -> bool:
+        return self.relative is None or self.relative < NEGLIGIBLE_NOISE
+
+    @property
+    def words(self) -> str:
+        if self.sigma is None:
+            return "unknown: too few vectors"
+        if self.relative is None:
+            return "none: nothing moves"
+        if self.negligible:
+            return f"below {NEGLIGIBLE_NOISE:.2%} of the largest speed"
+        text = f"{self.sigma:.3g}{self.unit} per component of a typical vector = "
+        text += f"{self.relative:.2%} of the largest speed"
+        if self.vectors_per_independent > 1.5:
+            text += f"; {self.vectors_per_independent:.1f} neighbors share one error"
+        if self.stated is not None:
+            mean = "the mean has a standard error of"
+            text += f"; {'the file states' if self.averaged == 1 else mean} {self.stated:.3g}"
+        return text
+
+    def reasons(self, of: Inspection) -> list[Reason]:
+        if self.negligible or self.sigma is None:
+            return []
+        found, mean, error = [], self.averaged > 1, self.stated
+        if mean and error and self.in_space and error > 2 * self.in_space:
+            found.append(
+                f"The frames of this steady flow differ by {error / self.in_space:.1f} times the "
+                "noise of their vectors: the flow still drifts, or the record is too short for a "
+                "mean."
+            )
+        if self.in_time and self.in_space and not 0.5 < self.in_time / self.in_space < 2:
+            why = "the cells are wider than the layers that shear; use smaller windows."
+            if self.scattered:
+                why = "the vectors of a frame are too sparse for the layers that shear."
+            if self.in_time > self.in_space:
+                why = "neighboring vectors share their errors, or frames are too far apart."
+            ratio = self.in_time / self.in_space
+            found.append(f"Noise seen in time is {ratio:.1f} times that in space: {why}")
+        if error and not mean and not 0.67 < error / self.sigma < 1.5:
+            found.append(
+                "The file states a standard deviation that the vectors contradict: they scatter "
+                f"{self.sigma / error:.2g} times as much. Correct sigma_u and sigma_v."
+            )
+        return [Reason(ADVICE, text) for text in found]
+
+    def figures(self) -> dict[str, tuple[str, Callable[[Inspection], Any]]]:
+        return {"noise": ("Noise", _map)}
+
+
+def make(inspection: Inspection) -> MeasuredNoise:
+    flow, facts, unit = inspection.flow, inspection.facts, inspection.scales.velocity
+    noise, smooth, speed = facts.noise, facts.slopes, max_speed(flow)
+    if smooth.u.size:
+        speed = min(speed, float(np.hypot(smooth.u, smooth.v).max()) * unit)
+    parts = (noise.sigma, noise.u, noise.v, noise.in_time, noise.in_space)
+    sigma, u, v, in_time, in_space = (None if part is None else part * unit for part in parts)
+    return MeasuredNoise(
+        sigma,
+        u,
+        v,
+        in_time,
+        in_space,
+        vectors_per_independent=noise.vectors_per_independent,
+        stated=_stated(flow),
+        relative=None if sigma is None or not speed > 0 else sigma / speed,
+        speed=speed,
+        averaged=flow.averaged,
+        scattered=flow.particles is not None,
+        unit="" if inspection.velocity_unit == "1" else f" {inspection.velocity_unit}",
+    )
+
+
+def _stated(flow: Flow) -> float | None:
+    """Median standard deviation that the file states."""
+    if flow.particles is not None and flow.particles.sigma_u is not None:
+        sigma: Any = (flow.particles.sigma_u, flow.particles.sigma_v)
+    elif flow.sigma_u is None or flow.sigma_v is None:
+        return None
+    else:
+        sigma = [np.broadcast_to(s, flow.valid.shape) for s in (flow.sigma_u, flow.sigma_v)]
+        sigma = [s[flow.valid] for s in sigma]
+    return math.hypot(*(float(np.median(s)) for s in sigma)) / math.sqrt(2)
+
+
+def _map(inspection: Inspection) -> Any:
+    """The noise of one component, cell by cell."""
+    from granpinn.figures.maps import map_of_grid
+    from granpinn.figures.style import label
+
+    values = inspection.facts.noise_cells * inspection.scales.velocity
+    return map_of_grid(inspection.flow, values, label(r"$\sigma$", inspection.velocity_unit))
+
+
+CHECK = Check("noise", MeasuredNoise, make, seconds=0.03, quick=False)

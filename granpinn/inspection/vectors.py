@@ -1,0 +1,90 @@
+"""The vectors: how many, and where they are missing or zero."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from granpinn.data.rules import MAX_ZERO_SHARE
+from granpinn.inspection import Inspection
+from granpinn.results.record import ADVICE, Check, Reason, Record
+
+MANY_INVALID = 0.1
+
+
+@dataclass(frozen=True)
+class Vectors(Record):
+    """
+    Attributes:
+        count: of the valid ones.
+        rows, columns: of the grid; of scattered vectors, of their view on a grid.
+        invalid_share: share of the cells full of grains that have no vector; None if scattered.
+        zero_share: share of the vectors after t = 0 that are exactly zero.
+    """
+
+    title = "vectors"
+
+    count: int
+    scattered: bool
+    rows: int
+    columns: int
+    invalid_share: float | None
+    zero_share: float
+
+    @property
+    def words(self) -> str:
+        kind = "scattered" if self.scattered else f"on {self.rows} x {self.columns} cells"
+        share = self.invalid_share
+        gaps = "" if share is None else f", {share:.1%} of the grains without"
+        return f"{self.count} {kind}{gaps}, {self.zero_share:.1%} exactly zero"
+
+    def reasons(self, of: Inspection) -> list[Reason]:
+        found = []
+        if self.zero_share > MAX_ZERO_SHARE:
+            text = (
+                f"{self.zero_share:.1%} of the vectors are exactly zero: if these are gaps, write "
+                "NaN, because a zero looks like grains at rest."
+            )
+            found.append(Reason(ADVICE, text))
+        if self.invalid_share is not None and self.invalid_share > MANY_INVALID:
+            text = (
+                f"{self.invalid_share:.0%} of the grains have no valid vector: see validity.png; "
+                "more light, more texture or larger windows help."
+            )
+            found.append(Reason(ADVICE, text))
+        return found
+
+    def figures(self) -> dict[str, tuple[str, Callable[[Inspection], Any]]]:
+        return {"validity": ("Valid vectors", _share_of_valid)}
+
+
+def make(inspection: Inspection) -> Vectors:
+    flow, view = inspection.flow, inspection.facts.view
+    particles = flow.particles
+    if particles is None:
+        later = view.there & flow.after_start(flow.t)[:, None, None]
+        u, v = view.u[later], view.v[later]
+        invalid = 1 - int(view.there.sum()) / int(view.grains.sum())
+    else:
+        later = flow.after_start(particles.t)
+        u, v = (a[later].astype(np.float64) for a in (particles.u, particles.v))
+        invalid = None
+    zero = int(((u == 0) & (v == 0)).sum()) / max(u.size, 1)
+    count = int(view.count.sum())
+    return Vectors(count, particles is not None, view.y.size, view.x.size, invalid, zero)
+
+
+def _share_of_valid(inspection: Inspection) -> Any:
+    """Share of valid vectors in every cell, among the frames in which it is full of grains."""
+    from granpinn.figures.maps import map_of_grid
+
+    view, flow = inspection.facts.view, inspection.flow
+    grains, there = view.grains.sum(axis=0), (view.there & view.grains).sum(axis=0)
+    share = np.divide(there, grains, out=np.full(grains.shape, np.nan), where=grains > 0)
+    return map_of_grid(flow, share, "share of valid vectors", (0.0, 1.0))
+
+
+CHECK = Check("vectors", Vectors, make, seconds=0.02, quick=False)
