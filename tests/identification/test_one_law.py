@@ -6,6 +6,7 @@ import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,9 @@ from granpinn.command.arguments import parse
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
 from granpinn.errors import BadInput
-from granpinn.uncertainty import error_bars
+from granpinn.training.objective import Member
+from granpinn.training.trainer import Trainer
+from granpinn.uncertainty import error_bars, sensitivity
 from tests.flows import make_flow
 from tests.runs import tiny
 
@@ -97,6 +100,27 @@ def test_error_bars_are_those_of_all_flows(flow: Flow) -> None:
         assert one.covariance == found.covariance
         assert one.law.curve is not None
         assert one.law.curve.low is not None
+
+
+def test_an_assumption_of_one_flow_moves_the_law_of_all(
+    flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Copies with another surface line of one flow train on with the other flow as it is."""
+    copies: list[tuple[int, Member]] = []
+    train_on = sensitivity.continued
+
+    def continued(trainer: Trainer, asked: list[tuple[int, Member]], most: int) -> Any:
+        copies.extend(asked)
+        return train_on(trainer, asked, most)
+
+    monkeypatch.setattr(sensitivity, "continued", continued)
+    found = identify([flow, OTHER], tiny(checks="quick"), one_law=True)
+    assert [e for e, _ in copies] == [0, 1, 0, 1, 1, 0, 1, 0]
+    groups = [member.group for _, member in copies]
+    assert [groups.count(group) for group in sorted(set(groups))] == [2] * 4
+    assert copies[1][1].data is copies[3][1].data  # as it is
+    assert copies[0][1].data is not copies[2][1].data  # a line one sd lower and higher
+    assert all(assumed.derivative is not None for assumed in found.assumptions)
 
 
 def test_flows_without_error_bars_say_which_flow(
