@@ -24,11 +24,11 @@ from granpinn.errors import CannotGoOn
 from granpinn.fit.context import Context, values_alone
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import Result
-from granpinn.results.record import BAD, GOOD, Check, Reason, Record, Table
+from granpinn.results.record import CARE, GOOD, Check, Reason, Record, Table
 from granpinn.uncertainty.error_bars import NAMES
 from granpinn.uncertainty.error_model import ends_of, line
 
-DIFFERENT = 0.01  # a smaller p-value is a contradiction
+DIFFERENT = 0.01  # a smaller p-value needs care; how often it is a false alarm is not known
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,8 @@ class SharedLaw(Record):
     notes = (
         "Each flow was trained by itself, too. Chi-square: the scatter of these laws around their "
         "weighted mean, over their errors. The errors count as independent between flows. How "
-        "often the test is wrong has not been measured."
+        "often the test is wrong has not been measured: error bars of a flow that are too narrow, as "
+        "in coarse data, look like another law."
     )
 
     flows: tuple[LawApart, ...]
@@ -78,7 +79,11 @@ class SharedLaw(Record):
 
     @property
     def words(self) -> str:
-        said = "the flows contradict one law" if self.contradicted else "one law explains all flows"
+        said = (
+            "the flows differ by more than their errors"
+            if self.contradicted
+            else "one law explains all flows"
+        )
         return (
             f"{said}: chi-square {self.chi_square:.2g} with {self.freedom} degrees of freedom, "
             f"p = {self.p_value:.2g}"
@@ -99,7 +104,7 @@ class SharedLaw(Record):
 
     def reasons(self, result: Result) -> list[Reason]:
         words = f"{self.words[0].upper()}{self.words[1:]}."
-        return [Reason(BAD if self.contradicted else GOOD, words)]
+        return [Reason(CARE if self.contradicted else GOOD, words)]
 
 
 def make(context: Context) -> SharedLaw | None:
