@@ -61,8 +61,8 @@ class SharedLaw(Record):
     notes = (
         "Each flow was trained by itself, too. Chi-square: the scatter of these laws around their "
         "weighted mean, over their errors. The errors count as independent between flows. How "
-        "often the test is wrong has not been measured: error bars of a flow that are too narrow, as "
-        "in coarse data, look like another law."
+        "often the test is wrong has not been measured: error bars of a flow that are too narrow "
+        "look like another law."
     )
 
     flows: tuple[LawApart, ...]
@@ -81,7 +81,7 @@ class SharedLaw(Record):
     def words(self) -> str:
         said = (
             "the flows differ by more than their errors"
-            if self.contradicted
+            if self.different
             else "one law explains all flows"
         )
         return (
@@ -90,7 +90,7 @@ class SharedLaw(Record):
         )
 
     @property
-    def contradicted(self) -> bool:
+    def different(self) -> bool:
         return self.p_value < DIFFERENT
 
     @property
@@ -104,7 +104,7 @@ class SharedLaw(Record):
 
     def reasons(self, result: Result) -> list[Reason]:
         words = f"{self.words[0].upper()}{self.words[1:]}."
-        return [Reason(CARE if self.contradicted else GOOD, words)]
+        return [Reason(CARE if self.different else GOOD, words)]
 
 
 def make(context: Context) -> SharedLaw | None:
