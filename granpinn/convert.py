@@ -1,6 +1,6 @@
 """The command `python -m granpinn.convert`: makes a flow file of the files of a PIV or PTV program.
 
-Exit codes: 0 done; 2 bad input; 1 the flow file cannot be written.
+Exit codes: 0 done; 2 bad or impossible input, without --force; 1 the flow file cannot be written.
 
 In Python, `granpinn.read(files, ...)` gives the flow, and `granpinn.convert(files, settings)` takes
 the settings as a record.
@@ -32,6 +32,7 @@ from granpinn.importers import DataFileError, Settings, convert
 from granpinn.importers.formats import FORMATS
 from granpinn.inspection import quick
 from granpinn.output import objection_to_file, shell_word
+from granpinn.results.record import IMPOSSIBLE
 
 EXAMPLES = """examples:
   python -m granpinn.convert run/PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" \\
@@ -66,10 +67,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         sources, out, settings = parse(sys.argv[1:] if argv is None else argv)
         with flow_warnings.in_one_line():
             flow = convert(sources, settings, report=print)
-            write_flow(flow, out)
             slips = quick(flow).slips
             for slip in slips:
                 warnings.warn(str(slip), FlowFileWarning, stacklevel=2)
+            if not settings.force and any(slip.grade == IMPOSSIBLE for slip in slips):
+                raise DataFileError(
+                    "the vectors are impossible, as the warnings say, and no flow file was written:"
+                    " correct the units, scale, rate or axes, or give --force to write it all the"
+                    " same"
+                )
+            write_flow(flow, out)
         print(f"flow file: {out}")
         step = f"{program('inspect')} {shell_word(out)}" if slips else training_of(flow, out)
         print(f"next: {step}")

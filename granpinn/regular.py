@@ -1,8 +1,7 @@
-"""Regular files from an unknown source: read into memory whole, or mapped; never anything else."""
+"""Regular files from an unknown source: read into memory whole; never anything else."""
 
 from __future__ import annotations
 
-import mmap
 import os
 import stat
 from pathlib import Path
@@ -20,21 +19,18 @@ class MissingFileError(UnsafeFileError, FileNotFoundError):
     """There is no such file."""
 
 
-def open_regular_file(
-    path: Path, max_bytes: int, remedy: str = "choose fewer frames", *, follow: bool = True
-) -> BinaryIO:
+def open_regular_file(path: Path, max_bytes: int, remedy: str = "choose fewer frames") -> BinaryIO:
     """Opens a regular file with data for reading.
 
     Args:
         max_bytes: largest size.
         remedy: for a larger file.
-        follow: whether the path may be a symbolic link.
 
     Raises:
         UnsafeFileError: this is a directory, FIFO, device or socket, or the file is missing, empty
             or too large.
     """
-    stream = _opened(path, follow)
+    stream = _opened(path)
     size = os.fstat(stream.fileno()).st_size
     if 0 < size <= max_bytes:
         return stream
@@ -44,11 +40,9 @@ def open_regular_file(
     raise UnsafeFileError(f"the file is empty, expected data: {RETRY}")
 
 
-def read_regular_file(
-    path: Path, max_bytes: int, remedy: str = "choose fewer frames", *, follow: bool = True
-) -> bytes:
+def read_regular_file(path: Path, max_bytes: int, remedy: str = "choose fewer frames") -> bytes:
     """The content of a regular file; arguments and errors as for `open_regular_file`."""
-    with open_regular_file(path, max_bytes, remedy, follow=follow) as file:
+    with open_regular_file(path, max_bytes, remedy) as file:
         content = _read(file, os.fstat(file.fileno()).st_size)
     if not content:
         raise UnsafeFileError("the file was emptied while it was read: try again")
@@ -68,41 +62,18 @@ def read_text(path: Path, max_bytes: int = MAX_TEXT) -> str:
         return _read(file, max_bytes).decode()
 
 
-def content_of(path: Path, most: int, most_mapped: int) -> bytes | mmap.mmap:
-    """The content of a regular file: in memory up to `most` bytes, else mapped.
-
-    The system reads the pages of a mapped file when they are used, and may drop them again. The
-    file must stay as it is while it is used.
-
-    Raises:
-        UnsafeFileError: as for `open_regular_file`.
-    """
-    with _opened(path) as file:
-        if (size := os.fstat(file.fileno()).st_size) > most:
-            if size > most_mapped:
-                raise too_large(size, most_mapped)
-            try:
-                return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-            except OSError as error:
-                raise UnsafeFileError(
-                    f"the file cannot be read ({error.strerror}): check it"
-                ) from None
-    return read_regular_file(path, most)
-
-
 def first_bytes(path: Path, count: int) -> bytes:
     """The start of a regular file, b"" of an empty one; UnsafeFileError for anything else."""
     with _opened(path) as file:
         return _read(file, count)
 
 
-def _opened(path: Path, follow: bool = True) -> BinaryIO:
+def _opened(path: Path) -> BinaryIO:
     """A regular file; never waits, as the open of a FIFO would."""
     try:
         # Before opening: opening a device can have effects.
-        _require_regular(path.stat(follow_symlinks=follow).st_mode)
-        with_links = 0 if follow else os.O_NOFOLLOW
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | with_links)
+        _require_regular(path.stat().st_mode)
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except UnsafeFileError:
         raise
     except FileNotFoundError:

@@ -43,9 +43,9 @@ RECORDS: dict[str, Callable[[], Any]] = {
     "law": lambda: Truth(law=["mu_of_i"]),  # type: ignore[arg-type]
 }
 CALLS: dict[str, Callable[[Flow], Any]] = {
-    "config": lambda flow: granpinn.identify(flow, {"steps": 3}),  # type: ignore[arg-type]
+    "config": lambda flow: granpinn.identify(flow, 3),  # type: ignore[arg-type]
     "flow": lambda flow: granpinn.identify([flow]),  # type: ignore[arg-type]
-    "law": lambda flow: granpinn.identify(flow, law="coulomb"),  # type: ignore[arg-type]
+    "law": lambda flow: granpinn.identify(flow, law=3),  # type: ignore[arg-type]
     "run_dir": lambda flow: granpinn.identify(flow, run_dir=3),  # type: ignore[arg-type]
     "flows": lambda flow: granpinn.identify_many(flow),  # type: ignore[arg-type]
     "names": lambda flow: granpinn.identify_many("flow.h5"),

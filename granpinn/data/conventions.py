@@ -15,7 +15,7 @@ from granpinn.data.flow import FlowFileError
 from granpinn.data.format import PARTICLES
 
 if TYPE_CHECKING:
-    from granpinn.data.hdf5.attributes import Attributes
+    from granpinn.data.hdf5 import Attributes
 
 # Each makes other numbers of the stored ones: the first two even if they only round, the third
 # (of xarray) truth values or durations.
@@ -46,15 +46,15 @@ def check_conventions(name: str, attributes: Attributes, units: dict[str, str]) 
     """Raises FlowFileError if an attribute of a dataset changes its numbers or their unit."""
     fills = {attribute: attributes.numbers(attribute) for attribute in FILL}
     other = [a for a, values in fills.items() if values and not np.isnan(values).all()]
-    if wrong := [a for a in CHANGING if attributes.exists(a)] + other:
+    if wrong := [a for a in CHANGING if a in attributes] + other:
         raise FlowFileError(
             f"{name} must be stored as it is, NaN where there is no value, got the attribute "
             f"{wrong[0]}, by which other programs change its numbers: write the final numbers "
             "without it"
         )
-    if not attributes.exists("units"):
+    if "units" not in attributes:
         return
-    found = attributes.any_text("units")
+    found = attributes.text("units")
     wanted = units.get(name.removeprefix(f"{PARTICLES}/"))
     if wanted is None:
         raise FlowFileError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from pathlib import Path
 from typing import Any
@@ -24,16 +23,15 @@ from granpinn.data.format import (
     TRUE_LAW,
     TRUTH,
 )
-from granpinn.data.hdf5 import SafeFile, open_hdf5
+from granpinn.data.hdf5 import Hdf5File, read_hdf5
 from granpinn.data.layout import WRITE_HINT, check_layout
 from granpinn.data.particles import grid_view
 from granpinn.data.rules import check_values, warn_of_rounding, warn_of_zeros
 from granpinn.declared import checked
 from granpinn.physics.laws import DEFAULT
-from granpinn.regular import UnsafeFileError, content_of, too_large
+from granpinn.regular import UnsafeFileError
 
 DEFAULT_MAX_BYTES = MOST_IN_MEMORY
-MOST_MAPPED = 2**37
 _RAISE = (
     "if it can be trusted, raise max_bytes of read_flow, or write the file without chunks and "
     "filters, which needs no memory"
@@ -52,8 +50,8 @@ _FLOAT64 = (
 def is_flow_file(path: Path) -> bool:
     """Whether a file is a flow file, from its attribute."""
     try:
-        with open_hdf5(path, DEFAULT_MAX_BYTES) as file:
-            return file.attributes.text("format_name") == FORMAT_NAME
+        file = read_hdf5(path, [], DEFAULT_MAX_BYTES, _RAISE)
+        return file.attributes.text("format_name") == FORMAT_NAME
     except UnsafeFileError:  # no HDF5, or another kind of it
         return False
 
@@ -82,25 +80,23 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
 
 
 def _read(path: Path, max_bytes: int) -> Flow:
-    image = content_of(path, max_bytes, MOST_MAPPED)
-    # Twice: a coordinate that is stored as float32 becomes float64.
-    with SafeFile(image, 2 * max_bytes) as file:
-        _check_version(file)
-        constants: dict[str, Any] = {
-            "gravity": _require(file, "gravity"),
-            "density": _number(file, "density", required=True),
-            "grain_diameter": _number(file, "grain_diameter", required=True),
-            "length_unit": _require_text(file, "length_unit"),
-            "time_unit": _require_text(file, "time_unit"),
-        }
-        optional: dict[str, Any] = {name: _number(file, name) for name in OPTIONAL_NUMBERS}
-        optional |= {name: file.attributes.text(name) for name in OPTIONAL_TEXTS}
-        truth = _truth(file)
-        others = file.attributes.scalars(KNOWN_ATTRIBUTES)
-        stated = {name: _number(file, name) for name in OF_FLOW}
-        others |= {name: value for name, value in stated.items() if value is not None}
-        units = units_of(constants["length_unit"], constants["time_unit"], optional["density_unit"])
-        arrays = _read_arrays(file, max_bytes, units)
+    file = read_hdf5(path, [rule.name for rule in DATASETS], max_bytes, _RAISE)
+    _check_version(file)
+    constants: dict[str, Any] = {
+        "gravity": _require(file, "gravity"),
+        "density": _number(file, "density", required=True),
+        "grain_diameter": _number(file, "grain_diameter", required=True),
+        "length_unit": _require_text(file, "length_unit"),
+        "time_unit": _require_text(file, "time_unit"),
+    }
+    optional: dict[str, Any] = {name: _number(file, name) for name in OPTIONAL_NUMBERS}
+    optional |= {name: file.attributes.text(name) for name in OPTIONAL_TEXTS}
+    truth = _truth(file)
+    others = file.attributes.scalars(KNOWN_ATTRIBUTES)
+    stated = {name: _number(file, name) for name in OF_FLOW}
+    others |= {name: value for name, value in stated.items() if value is not None}
+    units = units_of(constants["length_unit"], constants["time_unit"], optional["density_unit"])
+    arrays = _arrays(file, units)
     for name in ("sigma_u", "sigma_v"):
         if name in arrays and optional[name] is not None:
             raise FlowFileError(
@@ -122,12 +118,12 @@ def _read(path: Path, max_bytes: int) -> Flow:
         walls=Walls(**walls) if walls else None,
         truth=truth,
         attributes=others,
-        sha256=hashlib.sha256(image).hexdigest(),
+        sha256=file.sha256,
         path=path,
     )
 
 
-def _truth(file: SafeFile) -> Truth | None:
+def _truth(file: Hdf5File) -> Truth | None:
     """The law that made the data; None if the file states neither the law nor a parameter."""
     law = file.attributes.text(TRUE_LAW)
     values = {field: _number(file, name) for name, field in TRUTH.items()}
@@ -139,22 +135,17 @@ def _truth(file: SafeFile) -> Truth | None:
         raise FlowFileError(f"the true friction law: {error}") from None
 
 
-def _read_arrays(file: SafeFile, max_bytes: int, units: dict[str, str]) -> dict[str, Any]:
-    """Reads all datasets of the format, after checks of their layout, units and total size."""
-    opened = {rule.name: file.open_dataset(rule.name) for rule in DATASETS}
-    datasets = {name: dataset for name, dataset in opened.items() if dataset is not None}
-    check_layout({name: dataset.layout for name, dataset in datasets.items()})
-    for name, dataset in datasets.items():
+def _arrays(file: Hdf5File, units: dict[str, str]) -> dict[str, Any]:
+    """All arrays of the format in their types, after checks of their layout and units."""
+    check_layout({name: dataset.layout for name, dataset in file.datasets.items()})
+    for name, dataset in file.datasets.items():
         check_conventions(name, dataset.attributes, units)
-    types = {name: _type_of(name, dataset.layout.dtype) for name, dataset in datasets.items()}
-    total = sum(
-        dataset.n_bytes_needed
-        for name, dataset in datasets.items()
-        if not dataset.is_in_place(types[name])
-    )
-    if total > max_bytes:
-        raise too_large(total, max_bytes, _RAISE)
-    return {name: dataset.read(types[name]) for name, dataset in datasets.items()}
+    # A number beyond the range of the type becomes infinite, as in HDF5.
+    with np.errstate(over="ignore"):
+        return {
+            name: np.asarray(dataset.values, _type_of(name, dataset.layout.dtype))
+            for name, dataset in file.datasets.items()
+        }
 
 
 def _type_of(name: str, stored: str) -> str:
@@ -163,7 +154,7 @@ def _type_of(name: str, stored: str) -> str:
     return "float64" if name in _FLOAT64 else "float32"
 
 
-def _check_version(file: SafeFile) -> None:
+def _check_version(file: Hdf5File) -> None:
     name = file.attributes.text("format_name")
     if name != FORMAT_NAME:
         found = "nothing" if name is None else repr(name[:40])
@@ -180,14 +171,14 @@ def _check_version(file: SafeFile) -> None:
         )
 
 
-def _require(file: SafeFile, name: str) -> tuple[float, ...]:
+def _require(file: Hdf5File, name: str) -> tuple[float, ...]:
     values = file.attributes.numbers(name)
     if values is None:
         raise FlowFileError(f"the attribute {name} is missing: add it to the root of the file")
     return tuple(float(value) for value in values)
 
 
-def _require_text(file: SafeFile, name: str) -> str:
+def _require_text(file: Hdf5File, name: str) -> str:
     text = file.attributes.text(name)
     if text is None:
         raise FlowFileError(
@@ -197,7 +188,7 @@ def _require_text(file: SafeFile, name: str) -> str:
     return text
 
 
-def _number(file: SafeFile, name: str, *, required: bool = False) -> Any:
+def _number(file: Hdf5File, name: str, *, required: bool = False) -> Any:
     """An attribute that is one number; None if it is absent and not required."""
     values = _require(file, name) if required else file.attributes.numbers(name)
     if values is None:

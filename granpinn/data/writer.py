@@ -104,7 +104,7 @@ def _write_arrays(file: h5py.File, flow: Flow) -> None:
 
 
 def _write_text(place: h5py.File | h5py.Dataset, name: str, text: str) -> None:
-    """Writes a fixed-length string; readers hang on damaged variable-length ones."""
+    """Writes a fixed-length string: HDF5 hangs on some damaged variable-length ones."""
     encoded = text.encode()
     kind = h5py.string_dtype("utf-8", max(len(encoded), 1))
     place.attrs.create(name, np.array(encoded, dtype=kind), dtype=kind)

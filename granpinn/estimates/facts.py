@@ -18,6 +18,7 @@ from granpinn.arrays import Float64
 from granpinn.data import Flow, known_sd
 from granpinn.data.symmetry import invariant_axes
 from granpinn.estimates.gradients import Gradients, gradients
+from granpinn.estimates.lattice import ROUNDING, lattice_step
 from granpinn.estimates.noise import Noise, grid_noise, noise_map, of_pairs
 from granpinn.estimates.scattered_fits import (
     ParticleFits,
@@ -68,18 +69,25 @@ class Facts:
 
     @cached_property
     def noise(self) -> Noise:
-        """The noise of a typical vector."""
+        """The noise of a typical vector, at least that of its rounding to a lattice."""
         if self.flow.particles is None:
-            return grid_noise(self.view)
-        return self.fits.noise if self.flow.steady else of_pairs(self.fits.noise, *self.vectors)
+            return grid_noise(self.view).at_least(self.rounding)
+        found = self.fits.noise
+        found = found if self.flow.steady else of_pairs(found, *self.vectors)
+        return found.at_least(self.rounding)
+
+    @cached_property
+    def rounding(self) -> float:
+        """Standard deviation of the rounding of vectors that are multiples of a step, else 0."""
+        return ROUNDING * lattice_step(self.flow) / self.scales.velocity
 
     @cached_property
     def noise_cells(self) -> Float64:
         """The noise of every cell [Y, X], NaN where it is unknown."""
         if self.flow.particles is None:
-            return noise_map(self.view)
+            return np.maximum(noise_map(self.view), self.rounding)
         _, x, y, _, _ = self.vectors
-        return particle_noise_map(self.fits, x, y, self.view)
+        return np.maximum(particle_noise_map(self.fits, x, y, self.view), self.rounding)
 
     @cached_property
     def slopes(self) -> Gradients:

@@ -58,6 +58,11 @@ class Noise:
     in_space: float | None
     vectors_per_independent: float
 
+    def at_least(self, sigma: float) -> Noise:
+        """The same with standard deviations of at least `sigma`, which differences do not show."""
+        known = {name: getattr(self, name) for name in ("sigma", "u", "v") if sigma > 0}
+        return dataclasses.replace(self, **{k: max(s or 0.0, sigma) for k, s in known.items()})
+
 
 def grid_noise(view: View) -> Noise:
     """The noise of vectors on a grid."""

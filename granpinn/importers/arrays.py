@@ -15,8 +15,7 @@ import numpy as np
 
 from granpinn.arrays import plain_array
 from granpinn.importers.gaps import GAPS, split_gaps
-from granpinn.importers.limits import require_room
-from granpinn.importers.npz import read_npz
+from granpinn.importers.limits import read_file, require_room
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 REQUIRED = ("t", "y", "x", "u", "v")
@@ -32,7 +31,7 @@ def sniff(path: Path, head: bytes) -> bool:
 
 def read(path: Path) -> VectorFields:
     """All frames of an .npz file."""
-    return from_arrays(read_npz(path), str(path))
+    return from_arrays(read_file("npz", path), str(path))
 
 
 def from_arrays(arrays: Mapping[str, Any], path: str = "the arrays") -> VectorFields:

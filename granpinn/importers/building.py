@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Bool
-from granpinn.data.flow import Flow, FlowFileWarning, Particles, Surface
+from granpinn.data.flow import SURFACE_SD, Flow, FlowFileWarning, Particles, Surface
 from granpinn.data.particles import particle_flow
 from granpinn.data.surface_line import folded
 from granpinn.importers import surface as surfaces
+from granpinn.importers.density import surface_of_grains
 from granpinn.importers.frame import Frame
 from granpinn.importers.grains import FULL, Grains, below_line, grains_of
 from granpinn.importers.settings import Settings
@@ -130,13 +131,19 @@ def scattered_flow(
         usable = usable & (fields.c > 1 - FULL)
     if not usable.any():
         raise DataFileError("no vector is valid: check the tracks, or lower --track-window")
-    surface = line
-    if surface is None and settings.surface in ("auto", "fraction"):
+    surface, wanted = line, settings.surface
+    if surface is None and wanted in ("auto", "fraction") and fields.c is not None:
         surface = surfaces.from_scattered(fields)
-    if surface is None and settings.surface != "none":
+    elif surface is None and wanted == "auto":
+        t, x, y = (getattr(fields, name)[usable] for name in ("t", "x", "y"))
+        traced = surface_of_grains(t, x, y, constants["grain_diameter"], frame.gravity)
+        if traced is not None:
+            surface, sd = traced
+            constants["attributes"] = {SURFACE_SD: sd, **constants["attributes"]}
+    if surface is None and wanted != "none":
         _warn(
-            "the free surface is not known: train with --level V0, or give --surface with the "
-            "points of a line"
+            "the free surface is not known, as the grains have no edge that faces up and moves: "
+            "train with --level V0, or give --surface with the points of a line"
         )
     times = np.unique(fields.t[usable]).size
     if times < settings.fewest_frames:

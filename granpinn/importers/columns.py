@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,18 +17,18 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.importers import units
-from granpinn.importers.textfile import TextFile, cells_of, separator_of
+from granpinn.importers.textfile import TextFile, cells_of, is_number, separator_of
 from granpinn.importers.vectors import LARGEST, DataFileError, largest
 
 # Spellings of the columns, in lower case.
 NAMES = {
-    "x": ("x", "x_position", "pos_x", "position_x"),
-    "y": ("y", "y_position", "pos_y", "position_y"),
+    "x": ("x", "x_position", "pos_x", "position_x", "x_pos"),
+    "y": ("y", "y_position", "pos_y", "position_y", "y_pos"),
     "frame": ("frame", "frame_number", "frame_id"),
-    "t": ("t", "time"),
+    "t": ("t", "time", "position_t"),
     "particle": ("particle", "id", "track", "track_id", "trajectory", "particle_id"),
-    "u": ("u", "vx", "v_x", "u_x"),
-    "v": ("v", "vy", "v_y", "u_y"),
+    "u": ("u", "vx", "v_x", "u_x", "ux"),
+    "v": ("v", "vy", "v_y", "u_y", "uy"),
     "sigma_u": ("sigma_u", "sigma_vx"),
     "sigma_v": ("sigma_v", "sigma_vy"),
     "ep": ("ep",),
@@ -41,6 +41,9 @@ GROUPS = {
 }
 _WITH_DIMENSION = {*(name for group in GROUPS.values() for name in group), "p", "tau"}
 _COLUMN = re.compile(r"([^\[(]++)(?:[\[(]([^\])]*+)[\])])?")
+HEADER_LINES = 100
+_NO_UNITS = ("prediction",)  # TracTrac's Vx(prediction)
+_SUFFIXES = ("px", "pixel", "m", "cm", "mm", "um", "µm", "s", "ms", "us", "m/s", "mm/s", "px/frame")
 _COMMENT = "\ufeff#% "
 _NO_UNIT = ("", "1", "-", "#", "frame", "frames", "dimensionless")
 
@@ -54,20 +57,28 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TextTable:
-    """Chosen columns [n] by what they are, such as "u", and the units that they state."""
+    """Chosen columns [n] by what they are, such as "u", their units, and the lines above them."""
 
     columns: dict[str, Float64]
     units: dict[str, str]
     named: tuple[Column, ...] = ()
+    comment: str = ""
 
 
-def header(line: str) -> list[Column]:
-    """The columns that a line names; none if its quotes do not fit together."""
+def header(line: str, separator: str | None = None) -> list[Column]:
+    """The columns that a line names; none if its quotes do not fit together.
+
+    Args:
+        separator: of the rows below; None: that of the line.
+    """
     text = line.strip(" \r\n").lstrip(_COMMENT)
-    separator = separator_of(text)
+    if not separator or separator not in text:
+        separator = separator_of(text)
     closing = "]" if "]" in text else ")"
-    *stated, rest = text.split(closing)
-    cells = [*(cell + closing for cell in stated), *rest.split()]  # between blanks
+    cells = text.split()
+    if f" {'[' if closing == ']' else '('}" in text:  # names and units between blanks
+        *stated, rest = text.split(closing)
+        cells = [*(cell + closing for cell in stated), *rest.split()]
     if separator:
         try:
             cells = cells_of(text, separator)
@@ -79,11 +90,72 @@ def header(line: str) -> list[Column]:
 
 
 def column(text: str) -> Column:
-    """The name and unit in the head of a column."""
-    match = _COLUMN.fullmatch(text.strip())
-    if match is None:
-        return Column(text.strip().lower())
-    return Column(match[1].strip().lower(), (match[2] or "").strip())
+    """The name and unit in the head of a column: `x [mm]`, `Time (ms)`, `x_mm`."""
+    text = text.strip()
+    match = _COLUMN.fullmatch(text)
+    if match is None or match[2] in _NO_UNITS:
+        return Column(text.lower())
+    name, unit = match[1].strip().lower(), (match[2] or "").strip()
+    base, _, suffix = name.rpartition("_")
+    if base and not unit and suffix in _SUFFIXES:
+        return Column(base, suffix)
+    return Column(name, unit)
+
+
+@dataclass(frozen=True)
+class TextLayout:
+    """Where the rows of a table begin, what its columns are called, and its separator.
+
+    Attributes:
+        comment: the lines above the names.
+    """
+
+    named: list[Column]
+    skip: int
+    separator: str
+    comment: str = ""
+
+
+def layout_of(
+    lines: Sequence[str], roles: Mapping[str, Iterable[str]], required: Iterable[str]
+) -> TextLayout:
+    """The layout of a table of any program, from its first lines.
+
+    The names are in the first line above the numbers that has the required columns, else in the
+    last line there. Other lines may follow up to one of units in brackets.
+    """
+    start = next((k for k, line in enumerate(lines) if _is_row(line)), len(lines))
+    above = [k for k in range(start) if lines[k].strip()] or [0]
+    row = lines[start] if start < len(lines) else lines[above[-1]]
+    separator = separator_of(row)
+    wanted = [set(roles[role]) for role in required]
+    headers = {k: header(lines[k], separator) for k in above}
+    complete = [k for k in above if all(w & {c.name for c in headers[k]} for w in wanted)]
+    place = complete[0] if complete else above[-1 if start < len(lines) else 0]
+    named, skip = headers[place], place + 1
+    for k in range(place + 1, start):
+        cells = [cell.strip() for cell in _cells(lines[k], separator)]
+        if any(cells) and all(not c or (c[0] in "[(" and c[-1] in ")]") for c in cells):
+            units, skip = [cell[1:-1].strip() for cell in cells], k + 1
+            named = [Column(c.name, c.unit or u) for c, u in zip(named, units, strict=False)]
+    if separator != "," and len(_cells(row.rstrip(separator), separator)) == len(named) + 1:
+        named = [Column(""), *named]  # a column of row names has no name
+    return TextLayout(named, skip, separator, "\n".join(lines[:place]))
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    try:
+        return cells_of(line, separator)
+    except csv.Error:
+        return []
+
+
+def _is_row(line: str) -> bool:
+    """Whether at least half of the filled cells of a line are numbers, and it is no comment."""
+    if line.startswith(("#", "%")):
+        return False
+    cells = [cell for cell in _cells(line, separator_of(line)) if cell.strip()]
+    return bool(cells) and 2 * sum(map(is_number, cells)) >= len(cells)
 
 
 def chosen(
@@ -106,6 +178,8 @@ def chosen(
     stated: dict[str, str] = {}
     for role, spellings in roles.items():
         indices = [i for i, column in enumerate(named) if column.name in spellings]
+        if len(indices) > 1:  # an id may number the rows where a track has a name of its own
+            indices = [i for i in indices if named[i].name != "id"]
         if len(indices) > 1:
             raise DataFileError(
                 f"{path} must have one column for {role}, got "
@@ -164,10 +238,11 @@ def read_table(
 def read_headed(
     path: Path, required: Iterable[str], roles: Mapping[str, Iterable[str]] = NAMES
 ) -> TextTable:
-    """The columns of a file whose first line is its header; arguments as in `read_table`."""
+    """The columns of a file that names them above its rows; arguments as in `read_table`."""
     text = TextFile(path)
-    line = text.head(1)[0]
-    return read_table(text, roles, header(line), required, separator=separator_of(line))
+    layout = layout_of(text.head(HEADER_LINES), roles, required)
+    found = read_table(text, roles, layout.named, required, layout.skip, layout.separator)
+    return replace(found, comment=layout.comment)
 
 
 def require_finite(path: Path | str, columns: Mapping[str, Float64], *, nan: bool = False) -> None:

@@ -15,13 +15,15 @@ from granpinn.importers import surface as surfaces
 from granpinn.importers import walls
 from granpinn.importers.building import grid_flow, scattered_flow
 from granpinn.importers.displacement import warn_of_displacement
-from granpinn.importers.frame import Frame, frame_of, missing_units
+from granpinn.importers.frame import Frame, frame_of, missing_units, upwards
 from granpinn.importers.gaps import GAPS
 from granpinn.importers.grains import with_mask
+from granpinn.importers.image_pairs import SAID as IMAGES_SAID
 from granpinn.importers.limits import require_room
 from granpinn.importers.material import Material, material_of, missing_constants
-from granpinn.importers.settings import Settings
-from granpinn.importers.source import Source, selected_frames, vectors_of, without_interpolated
+from granpinn.importers.settings import SURFACES, Settings
+from granpinn.importers.source import Source, measured, selected_frames, vectors_of
+from granpinn.importers.statements import settled
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, warn_of_zeros
 
 
@@ -50,15 +52,20 @@ def convert(
     numbers = [a for a in fields.arrays().values() if a.dtype.kind == "f"]
     require_room(sum(a.size for a in numbers), 8, fields.facts.get("format", "the arrays"))
     tell(_described(fields))
+    if said := fields.facts.get(IMAGES_SAID):
+        tell(said)
+    whole, fields = fields, measured(fields, settings)
     warn_of_zeros(fields)
-    fields = selected_frames(without_interpolated(fields, settings), settings)
+    fields = selected_frames(fields, settings)
     missing = missing_units(fields, settings) + missing_constants(settings)
     if missing:
         raise DataFileError(f"missing: {'; '.join(missing)}")
     material = material_of(settings)
     if settings.mask is not None:
         fields = with_mask(fields, settings.mask, settings.length_unit or fields.length_unit)
-    frame = frame_of(fields, settings)
+    if said := upwards(fields, settings)[1]:
+        tell(said)
+    frame = settled(whole, settings, frame_of(fields, settings))
     constants = {
         "gravity": frame.gravity,
         "density": material.density,
@@ -92,7 +99,7 @@ def _given_line(
     """The free surface in memory, or of --surface FILE."""
     if line is not None:
         return surfaces.from_arrays(line, frame)
-    if settings.surface in ("auto", "mask", "fraction", "none"):
+    if settings.surface in SURFACES:
         return None
     return surfaces.from_table(Path(settings.surface), frame)
 

@@ -17,15 +17,15 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Int8
+from granpinn.foreign import installed
 from granpinn.importers.columns import Column, in_one_unit, read_table
-from granpinn.importers.isolated import installed, read_isolated
-from granpinn.importers.mesh_files import check_folder, file_bytes
+from granpinn.importers.limits import file_bytes, read_file
+from granpinn.importers.mesh_files import check_folder
 from granpinn.importers.numerals import whole
 from granpinn.importers.tables import grid_frame
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.units import si
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
-from granpinn.regular import UnsafeFileError
 
 POST_PROCESSED = 4  # of ACTIVE_CHOICE
 # If more than this share of the vectors is post-processed, all were smoothed, not some filled in.
@@ -53,12 +53,7 @@ def read_vc7(path: Path) -> VectorFields:
             f"{path} is a DaVis file, which needs LaVision's package lvpyio: pip install "
             "'granpinn[lavision]', or export it from DaVis as text"
         )
-    try:
-        n_bytes = check_folder(path.with_suffix("")) if path.suffix.lower() == ".set" else 0
-        n_bytes += file_bytes(path)
-    except UnsafeFileError as error:
-        raise DataFileError(f"{path}: {error}") from None
-    parts = [_frame(path, frame) for frame in read_isolated("lvpyio", path, n_bytes)]
+    parts = [_frame(path, frame) for frame in read_file("davis", path, _size)]
     if not parts:
         raise DataFileError(f"{path} has no frames: choose another set")
     first = parts[0]
@@ -85,6 +80,12 @@ def read_vc7(path: Path) -> VectorFields:
         y_down=first["y_down"],
         facts=first["facts"],
     )
+
+
+def _size(path: Path) -> int:
+    """Bytes of a buffer, or of a set with the folder of its name."""
+    folder = check_folder(path.with_suffix("")) if path.suffix.lower() == ".set" else 0
+    return folder + file_bytes(path)
 
 
 def _frame(path: Path, frame: dict[str, Any]) -> dict[str, Any]:

@@ -16,10 +16,12 @@ from granpinn.importers import (
     meshes,
     netcdf,
     openpiv,
+    opyf,
     pivlab_mat,
     pivlab_text,
     tracks,
 )
+from granpinn.importers.textfile import encoding_of
 from granpinn.importers.vectors import DataFileError, VectorFields
 from granpinn.output import shell_word
 from granpinn.regular import UnsafeFileError, first_bytes
@@ -49,7 +51,13 @@ FORMATS = {
     "pivlab-mat": Format(
         "PIVlab .mat: frame, all frames or session", pivlab_mat.sniff, pivlab_mat.read
     ),
-    "tracks": Format("tracks of particles, CSV or HDF5", tracks.sniff, tracks.read, ("window",)),
+    "tracks": Format(
+        "tracks of particles, CSV or HDF5: trackpy, TrackMate, TracTrac, opyf",
+        tracks.sniff,
+        tracks.read,
+        ("window", "columns", "drop_duplicates"),
+    ),
+    "opyf": Format("opyf HDF5, vectors on a grid or scattered", opyf.sniff, opyf.read),
     "pivlab": Format("PIVlab text, any header", pivlab_text.sniff, pivlab_text.read),
     "insight": Format("TSI Insight .vec", insight.sniff, insight.read),
     "davis": Format("LaVision DaVis text", davis.sniff_text, davis.read_text_export),
@@ -68,6 +76,8 @@ def detect(path: Path) -> str:
     if not path.is_dir():
         try:
             head = first_bytes(path, HEAD)
+            if (encoding := encoding_of(head)).startswith("utf-16"):
+                head = head.decode(encoding, "ignore").encode()
         except UnsafeFileError as error:
             raise DataFileError(f"{path}: {error}") from None
         if not head and path.suffix.lower() != ".foam":

@@ -9,6 +9,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from granpinn.arrays import Float64
 from granpinn.config.fields import flag_of
 from granpinn.importers import units
@@ -18,6 +20,9 @@ from granpinn.importers.settings import Settings
 from granpinn.importers.tables import MIXED, ROWS
 from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, VectorFields
 
+# The fact: frames between the two images of a pair, by the names of the images.
+PAIR_FRAMES = "pair_frames"
+FALLING = 0.1  # mean velocity along y over the rms speed, of grains that fall
 HALF = 0.5  # a field between two images is half way between them
 
 
@@ -168,13 +173,37 @@ def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
     return missing
 
 
+def upwards(fields: VectorFields, settings: Settings) -> tuple[int, str | None]:
+    """-1 where y and v of the files point down, else 1; and a sentence where the grains show it.
+
+    Vectors in pixels have the axes of an image. Tracks in a unit of length have those of the
+    user, and there gravity decides: on the average grains fall.
+    """
+    length = settings.length_unit or fields.length_unit
+    if settings.flip_y != "auto":
+        return (-1 if settings.flip_y == "yes" else 1), None
+    image = units.has(fields.length_unit, "px") and fields.y_down is not None
+    own_axes = fields.scattered and not units.has(length, "px") and not settings.dimensionless
+    if not own_axes or (fields.y_down is not None and not image):
+        return (-1 if fields.y_down else 1), None
+    u, v = fields.u[fields.usable], fields.v[fields.usable]
+    speed = float(np.sqrt(np.mean(u * u + v * v))) if u.size else 0.0
+    mean = float(np.mean(v)) if v.size else 0.0
+    if abs(mean) > FALLING * speed:
+        up, why = (-1 if mean > 0 else 1), "as the grains fall on the average"
+    else:
+        up, why = 1, "as in a drawing, because the grains do not fall on the average"
+    where = "down in the files and is turned around" if up < 0 else "up in the files"
+    return up, f"y points {where}, {why}; if that is wrong, give --flip-y"
+
+
 def frame_of(fields: VectorFields, settings: Settings) -> Frame:
     """Calibration, origin and gravity; `missing_units` must be empty.
 
     Raises:
         DataFileError: a unit is wrong.
     """
-    up = -1 if settings.flip_y == "yes" or (settings.flip_y == "auto" and fields.y_down) else 1
+    up, _ = upwards(fields, settings)
     counted = _counted(fields, settings)
     start = None
     pixel = frame = delay = None
@@ -190,7 +219,8 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         if settings.scale is not None:
             pixel = units.scale(settings.scale)
         if settings.frame_rate is not None:
-            frame = delay = units.frame_time(settings.frame_rate, "--frame-rate")
+            frame = units.frame_time(settings.frame_rate, "--frame-rate")
+            delay = frame * float(fields.facts.get(PAIR_FRAMES, 1))
         if settings.pulse_delay is not None:
             delay = units.frame_time(settings.pulse_delay, "--pulse-delay")
         names = _units(fields, settings)
@@ -259,8 +289,8 @@ def _units(fields: VectorFields, settings: Settings) -> tuple[str | None, str | 
     velocity = settings.velocity_unit or fields.velocity_unit
     if settings.velocity_unit is None and TRACK_WINDOW in fields.facts:
         velocity = None if None in (length, time) else f"{length}/{time}"
-    elif velocity is None and settings.length_unit and settings.time_unit:
-        velocity = f"{length}/{time}"
+    elif velocity is None and settings.length_unit and (settings.time_unit or fields.scattered):
+        velocity = None if time is None else f"{length}/{time}"
     return length, time, velocity
 
 

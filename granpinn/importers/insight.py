@@ -15,6 +15,7 @@ import numpy as np
 
 from granpinn.importers.columns import Column, read_table
 from granpinn.importers.numerals import number, whole
+from granpinn.importers.statements import PULSE_DELAY
 from granpinn.importers.tables import grid_frame
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields
@@ -58,5 +59,5 @@ def read(path: Path) -> VectorFields:
             table.units[name] = "px/s" if delay > 0 else "px/frame"
             if delay > 0:
                 table.columns[name] = table.columns[name] / (delay * _MICROSECONDS)
-    facts = {"pulse_delay_us": delta[1]} if delta else {}
+    facts = {PULSE_DELAY: delta[1]} if delta else {}
     return grid_frame(path, table, codes, facts=facts)

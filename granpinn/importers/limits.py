@@ -6,10 +6,13 @@ of small types: a compressed file of a few megabytes can declare many gigabytes.
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from granpinn.data.memory import available
+from granpinn.foreign import read_foreign
 from granpinn.importers.vectors import DataFileError
 from granpinn.regular import UnsafeFileError, open_regular_file
 
@@ -55,5 +58,28 @@ def open_file(path: Path, max_bytes: int) -> BinaryIO:
     """
     try:
         return open_regular_file(path, max_bytes, "split it into one file per frame")
+    except UnsafeFileError as error:
+        raise DataFileError(f"{path}: {error}") from None
+
+
+def file_bytes(path: Path) -> int:
+    """Size of one regular file, which may not be empty."""
+    with open_regular_file(path, MAX_BYTES) as stream:
+        return os.fstat(stream.fileno()).st_size
+
+
+def read_file(
+    reader: str, path: Path, size: Callable[[Path], int] = file_bytes, **request: Any
+) -> Any:
+    """What a reader of `granpinn.foreign` gives for a file.
+
+    Args:
+        size: checks the files that belong to it, and gives the bytes of all.
+
+    Raises:
+        DataFileError: it is no regular file with data, or the reader refuses it.
+    """
+    try:
+        return read_foreign(reader, path, size(path), **request)
     except UnsafeFileError as error:
         raise DataFileError(f"{path}: {error}") from None

@@ -13,8 +13,8 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from granpinn.data.hdf5 import open_hdf5
-from granpinn.regular import UnsafeFileError, first_bytes, read_regular_file, too_large
+from granpinn.importers.limits import file_bytes
+from granpinn.regular import UnsafeFileError, read_regular_file, too_large
 
 MAX_BYTES = 2**32
 MAX_FILES = 100_000
@@ -40,21 +40,7 @@ def check_files(path: Path) -> int:
         return _check_case(path.absolute().parent)
     if suffix in _INDEXES:
         return _check_index(path, path.absolute().parent.resolve(), 0)
-    size = file_bytes(path)
-    if first_bytes(path, 8) == b"\x89HDF\r\n\x1a\n":
-        with open_hdf5(path, MAX_BYTES) as file:
-            file.check_all()
-    return size
-
-
-def file_bytes(path: Path) -> int:
-    """Size of one regular file, which may not be empty."""
-    if not first_bytes(path, 1):
-        raise UnsafeFileError("the file is empty, expected data: copy or make it again")
-    size = path.stat().st_size
-    if size > MAX_BYTES:
-        raise too_large(size, MAX_BYTES)
-    return size
+    return file_bytes(path)
 
 
 def check_folder(folder: Path) -> int:

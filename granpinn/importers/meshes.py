@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from granpinn.foreign import installed
 from granpinn.importers.gaps import split_gaps
-from granpinn.importers.isolated import installed, read_isolated
+from granpinn.importers.limits import read_file
 from granpinn.importers.mesh_files import check_files
 from granpinn.importers.tables import to_grid
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
-from granpinn.regular import UnsafeFileError
 
 FRACTION = re.compile(r"alpha\..*|f|c|phi|volume_fraction|VOF", re.IGNORECASE)
 PRESSURE = re.compile(r"p|pressure")
@@ -49,11 +49,7 @@ def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
             f"{path} is VTK or OpenFOAM, which needs pyvista: pip install 'granpinn[mesh]'"
         )
     named = names or {}
-    try:
-        n_bytes = check_files(path)
-    except UnsafeFileError as error:
-        raise DataFileError(f"{path}: {error}") from None
-    meshes = read_isolated("pyvista", path, n_bytes, velocity=named.get("u"))
+    meshes = read_file("mesh", path, check_files, velocity=named.get("u"))
     frames = [(mesh["time"], _frame(path, mesh, named)) for mesh in meshes]
     if not frames:
         raise DataFileError(f"{path} holds no time with a velocity: check the case")
@@ -92,7 +88,7 @@ def _frame(path: Path, frame: dict[str, Any], names: dict[str, str]) -> dict[str
         )
     kept = centers[:, 2] <= centers[:, 2].min() + 1e-6 * (np.ptp(centers) or 1)
     columns = {"x": centers[:, 0], "y": centers[:, 1], "u": velocity[:, 0], "v": velocity[:, 1]}
-    data = {name: frame[f"data/{k}"] for k, name in enumerate(frame["names"])}
+    data = frame["scalars"]
     for role, usual in (("c", FRACTION), ("p", PRESSURE)):
         found = [name for name in data if _is(name, names.get(role), usual)]
         if len(found) > 1 or (not found and role in names):

@@ -18,10 +18,16 @@ from typing import Any
 import numpy as np
 
 from granpinn.importers.gaps import GAPS, split_gaps
-from granpinn.importers.matlab import Matlab, open_matlab
+from granpinn.importers.limits import read_file
 from granpinn.importers.pivlab_text import TYPES
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
+Matlab = dict[str, Any]  # variables, as granpinn.foreign.matlab gives them
+NAMES = (
+    *("x", "y", "u", "v", "typevector", "calxy", "caluv", "calu", "calv", "units"),
+    *(f"{n}_{kind}" for n in ("u", "v", "typevector") for kind in ("original", "filtered")),
+    *("displacement_only", "resultslist"),
+)
 # Rows of a session's resultslist.
 _X, _Y = 0, 1
 _ORIGINAL, _FILTERED = (2, 3, 4), (6, 7, 8)
@@ -36,61 +42,81 @@ def sniff(path: Path, head: bytes) -> bool:
 
 def read(path: Path) -> VectorFields:
     """All frames of a file; see the module for the layouts."""
-    with open_matlab(path) as file:
-        if "resultslist" in file:
-            return _session(path, file)
-        if "u_original" in file or "u_filtered" in file:
-            return _all_frames(path, file)
-        if all(name in file for name in ("x", "y", "u", "v")):
-            frame = [file[name] for name in ("x", "y", "u", "v")]
-            types = file.cells("typevector") if "typevector" in file else [None]
-            return _fields(path, file, [(*frame, *types)], _units(file))
+    file = read_file("matlab", path, names=NAMES)
+    if "resultslist" in file:
+        return _session(path, file)
+    if "u_original" in file or "u_filtered" in file:
+        return _all_frames(path, file)
+    if all(name in file for name in ("x", "y", "u", "v")):
+        frame = [file[name] for name in ("x", "y", "u", "v")]
+        types = _cells(file, "typevector") or [None]
+        return _fields(path, file, [(*frame, *types)], _units(path, file))
     raise DataFileError(
         f"{path} must hold x, y and u, v or u_original, or resultslist, as PIVlab saves them, got "
         "none of these: export the vectors or save the session from PIVlab"
     )
 
 
+def _cells(file: Matlab, name: str) -> list[Any]:
+    """The matrices of a cell array, or a single matrix; nothing if there is no such variable."""
+    value = file.get(name, {"cells": []})
+    return list(value["cells"]) if isinstance(value, dict) else [value]
+
+
+def _number(path: Path, file: Matlab, name: str, default: float) -> float:
+    value = file.get(name)
+    if value is not None and not (isinstance(value, np.ndarray) and value.size == 1):
+        raise DataFileError(
+            f"{path}: {name} must be one number, got {np.size(value)}: export it again"
+        )
+    return default if value is None else float(value.item())
+
+
 def _all_frames(path: Path, file: Matlab) -> VectorFields:
     cells = {
-        kind: [
-            file.cells(f"{name}_{kind}") if f"{name}_{kind}" in file else []
-            for name in ("u", "v", "typevector")
-        ]
+        kind: [_cells(file, f"{name}_{kind}") for name in ("u", "v", "typevector")]
         for kind in ("filtered", "original")
     }
-    x, y = file.cells("x"), file.cells("y")
+    x, y = _cells(file, "x"), _cells(file, "y")
     if not x or len(x) != len(y):
         raise DataFileError(f"{path} must hold cells x and y for every frame: export it again")
     frames = []
     for k in range(len(x)):
         for kind in ("filtered", "original"):
             parts = [column[k] if k < len(column) else None for column in cells[kind]]
-            if parts[0] is not None and parts[0].size > 1:
+            if _is_field(parts[0]):
                 frames.append((x[k], y[k], *parts))
                 break
-    return _fields(path, file, frames, _units(file))
+    return _fields(path, file, frames, _units(path, file))
+
+
+def _is_field(part: Any) -> bool:
+    return isinstance(part, np.ndarray) and part.size > 1
 
 
 def _session(path: Path, file: Matlab) -> VectorFields:
-    table = file.cell_table("resultslist")
+    table = file["resultslist"]
+    if not isinstance(table, dict) or len(table["shape"]) != 2:
+        raise DataFileError(f"{path}: resultslist must be a cell array, got something else")
+    rows = table["shape"][0]
     frames = []
-    for column in table.T:
-        if column[_X] is None or column[_X].size < 2:
-            continue
-        rows = _ORIGINAL
-        if len(column) > max(_FILTERED) and column[_FILTERED[0]] is not None:
-            rows = _FILTERED if column[_FILTERED[0]].size > 1 else _ORIGINAL
-        frames.append((column[_X], column[_Y], *(column[row] for row in rows)))
+    for first in range(0, len(table["cells"]), max(rows, 1)):
+        column = table["cells"][first : first + rows]
+        if rows > max(_ORIGINAL) and _is_field(column[_X]):
+            filtered = rows > max(_FILTERED) and _is_field(column[_FILTERED[0]])
+            chosen = (_X, _Y, *(_FILTERED if filtered else _ORIGINAL))
+            frames.append(tuple(column[k] for k in chosen))
     return _fields(path, file, frames, ("px", "px/frame"), y_down=True)
 
 
-def _units(file: Matlab) -> tuple[str, str]:
+def _units(path: Path, file: Matlab) -> tuple[str, str]:
     """Units of an export: calibrated values are in meters already."""
-    position, velocity = file.number("calxy", 1.0), file.number("caluv", file.number("calu", 1.0))
+    position = _number(path, file, "calxy", 1.0)
+    velocity = _number(path, file, "caluv", _number(path, file, "calu", 1.0))
     if position == 1 and abs(velocity) == 1:
         return "px", "px/frame"
-    per_frame = "m/frame" in file.text("units") or file.number("displacement_only", 0.0) == 1
+    displacement = _number(path, file, "displacement_only", 0.0) == 1
+    per_frame = displacement or "m/frame" in str(file.get("units"))
     return "m", "m/frame" if per_frame else "m/s"
 
 
@@ -104,14 +130,14 @@ def _fields(
     if not frames:
         raise DataFileError(f"{path} holds no analyzed frame: analyze the images in PIVlab first")
     for k, frame in enumerate(frames):
-        if any(part is None or part.ndim != 2 for part in frame[:4]):
+        if not all(isinstance(part, np.ndarray) and part.ndim == 2 for part in frame[:4]):
             raise DataFileError(
                 f"{path} must have matrices x, y, u and v in every frame, got something else in "
                 f"frame {k + 1}: export it again"
             )
     x, y = frames[0][:2]
     for k, frame in enumerate(frames):
-        if any(part is not None and part.shape != x.shape for part in frame):
+        if any(part is not None and np.shape(part) != x.shape for part in frame):
             raise DataFileError(
                 f"{path} must have matrices of one size in every frame, got another in frame "
                 f"{k + 1}: do not mix grids"
@@ -135,7 +161,7 @@ def _fields(
         codes = np.full(u.shape, Validity.INVALID, np.int8)
         for kind, code in TYPES.items():
             codes[np.stack(types) == kind] = code
-    calibration = {name: file.number(name, np.nan) for name in ("calxy", "calu", "caluv")}
+    calibration = {name: _number(path, file, name, np.nan) for name in ("calxy", "calu", "caluv")}
     down = bool(y[-1, 0] > y[0, 0]) if y_down is None else y_down
     return vector_fields(
         t=np.arange(len(frames)),

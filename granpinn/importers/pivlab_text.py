@@ -21,16 +21,19 @@ import numpy as np
 
 from granpinn.arrays import Float64, Int8
 from granpinn.importers.columns import Column, TextTable, header, read_table
+from granpinn.importers.image_pairs import IMAGES
 from granpinn.importers.numerals import whole
 from granpinn.importers.tables import grid_frame
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 _FRAME = re.compile(r"FRAME:\s*+(\d++)")
-_FACTOR = re.compile(r"conversion factor xy \(px -> m\):\s*+([-+.\deE]++)")
+_FACTOR = re.compile(r"conversion factor (xy|uv) \((?:px -> m|px/frame -> m/s)\):\s*+([-+.\deE]++)")
+_NUMBER = re.compile(r"\d++")
 _NUMBER_FIRST = re.compile(r"\s*+[-+]?(?:\d|\.\d|nan|inf)", re.IGNORECASE)
+FIRST_WORDS = ("PIVlab", "FRAME:")
 _HEADER_LINES = 100
-_NO_COLUMNS = ("PIVlab", "FRAME:", "TITLE", "VARIABLES", "ZONE")
+_NO_COLUMNS = (*FIRST_WORDS, "TITLE", "VARIABLES", "ZONE")
 ROLES = {
     **{name: (name,) for name in "xyuv"},
     "type": ("vector type",),
@@ -51,7 +54,7 @@ def sniff(path: Path, head: bytes) -> bool:
     first = text.splitlines()[0] if text.strip() else ""
     named = {column.name: column.unit for column in header(first)}
     own = {*"xyuv"} <= named.keys() and named["x"] in ("px", "m")
-    return text.startswith(("PIVlab", "FRAME:")) or own
+    return text.startswith(FIRST_WORDS) or own
 
 
 def read(path: Path) -> VectorFields:
@@ -76,14 +79,31 @@ def read(path: Path) -> VectorFields:
             table.columns["type"] = rows[:, 4]
     if "gone" in table.columns and table.units.get("u") != "px/frame":
         table.units["u"] = table.units["v"] = ""
-    factor, frame = _FACTOR.search(head), _FRAME.search(head)
+    frame = _FRAME.search(head)
+    facts = {f"cal{kind}": factor for kind, factor in _FACTOR.findall(head)}
+    if numbers := _image_numbers(head):
+        facts[IMAGES] = numbers
     return grid_frame(
         path,
         table,
         _codes(path, table.columns),
         t=whole(frame[1], f"{path}: FRAME") - 1 if frame else 0,
-        facts={"meters_per_pixel": factor[1]} if factor else {},
+        facts=facts,
     )
+
+
+def _image_numbers(head: str) -> str:
+    """The last numbers in the names of both images, "" if these differ in something else."""
+    names = head.partition("filenames:")[2].partition(", conversion")[0].split(" & ")
+    last = [[*_NUMBER.finditer(name)][-1:] for name in names]
+    if len(names) != 2 or not all(last):
+        return ""
+    (a,), (b,) = last
+    rest = [
+        name.strip().removeprefix(f"{which}:").strip().replace(number[0], "#")
+        for which, name, number in zip("AB", names, (a, b), strict=True)
+    ]
+    return f"{a[0]} {b[0]}" if rest[0] == rest[1] else ""
 
 
 def _named(path: Path, lines: list[str]) -> list[Column]:

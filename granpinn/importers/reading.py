@@ -14,7 +14,7 @@ from granpinn.declared import checked
 from granpinn.importers.arrays import ARRAYS
 from granpinn.importers.conversion import convert
 from granpinn.importers.netcdf import from_dataset
-from granpinn.importers.settings import Settings
+from granpinn.importers.settings import SURFACES, Settings
 from granpinn.importers.source import Source
 from granpinn.importers.vectors import DataFileError
 
@@ -45,7 +45,7 @@ def read(source: Source, **settings: Any) -> Flow:
 
 
 def flow(
-    data: Any = None, /, *, surface: Sequence[npt.ArrayLike] | None = None, **given: Any
+    data: Any = None, /, *, surface: Sequence[npt.ArrayLike] | str | None = None, **given: Any
 ) -> Flow:
     """A flow from arrays in memory, or from xarray.
 
@@ -63,7 +63,8 @@ def flow(
     Args:
         data: an xarray.Dataset with u and v over (t, y, x), whose `units` are read; u and v may
             also be given as xarray.DataArray.
-        surface: t, x and y [n] of points of the free surface, in the units and axes of the arrays.
+        surface: t, x and y [n] of points of the free surface, in the units and axes of the arrays;
+            or the setting, such as "none".
         given: arrays t [T], y [Y], x [X], u and v [T, Y, X], or all [n] for scattered vectors, NaN
             where there is no vector; optional ones as in granpinn.importers.arrays (c, mask,
             sigma_u, ...); and settings, as of `granpinn convert` with _ for -, numbers with units
@@ -73,6 +74,8 @@ def flow(
         DataFileError: arrays or settings cannot be used; the message is one sentence.
     """
     source: Source
+    if isinstance(surface, str) and surface in SURFACES:
+        given["surface"], surface = surface, None
     parts = {name: given.pop(name) for name in [*given] if _is_array(name, given[name])}
     if data is None and hasattr(parts.get("u"), "dims"):
         data = _dataset(parts)

@@ -14,7 +14,9 @@ import numpy as np
 
 from granpinn.importers.columns import GROUPS
 from granpinn.importers.formats import FORMATS, detect, read_file
+from granpinn.importers.image_pairs import with_pair_times
 from granpinn.importers.limits import require_room
+from granpinn.importers.statements import require_one_calibration
 from granpinn.importers.tables import MIXED, ROWS
 from granpinn.importers.vectors import DataFileError, VectorFields, vector_fields
 
@@ -60,6 +62,7 @@ def read_vectors(
         parts.append(_counted(part) if count else part)
         require_room(len(files) * part.u.size * (len(part.arrays()) - 1), 8, file)
     facts = {"format": FORMATS[name].title, "files": str(len(files))}
+    parts = with_pair_times(files, parts)
     joined = parts[0] if len(parts) == 1 else _joined(files, parts)
     return replace(joined, facts=joined.facts | facts)
 
@@ -134,6 +137,7 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
                     f"{file} must have the {name.replace('_', ' ')} {expected[1] or expected[0]} "
                     f"of {files[0]}, got {stated[1] or stated[0]}: convert them apart"
                 )
+        require_one_calibration({files[0]: first.facts, file: part.facts})
         if not first.scattered:
             _check_grid(file, files[0], part, first)
         if part.arrays().keys() != first.arrays().keys():
@@ -161,7 +165,8 @@ def _times(parts: list[VectorFields]) -> list[Any]:
     """Times of the parts; if every file counts its frames from 0, the count continues."""
     times = [part.t for part in parts]
     ascending = all(a.max() < b.min() for a, b in itertools.pairwise(times))
-    if ascending or parts[0].scattered:
+    counted = all(part.time_unit == "frame" and not part.t.any() for part in parts)
+    if ascending or (parts[0].scattered and not counted):
         return times
     if parts[0].time_unit != "frame":
         raise DataFileError(

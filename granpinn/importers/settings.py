@@ -10,6 +10,8 @@ from granpinn.config.fields import flag_of
 from granpinn.declared import require_fields
 from granpinn.importers.vectors import DataFileError
 
+SURFACES = ("auto", "mask", "fraction", "none")  # other values of --surface name a file
+
 
 def _setting(default: Any, group: str, text: str) -> Any:
     return field(default=default, metadata={"group": group, "help": text})
@@ -23,11 +25,29 @@ class Settings:
     fields: str | None = _setting(
         None, "files", "names of fields in simulation files, such as u=U,c=alpha.grains,p=p"
     )
+    columns: str | None = _setting(
+        None,
+        "files",
+        "names of columns in a table of tracks that granpinn does not know, such as "
+        "x=abscissa,y=height,t=time",
+    )
+    zeros: str = _setting(
+        "measured", "files", "vectors that are exactly (0, 0): measured, or missing"
+    )
+    drop_duplicates: bool = _setting(
+        False, "files", "keep the first of several rows of one particle in one frame"
+    )
     frames: str | None = _setting(
         None, "files", "frames to use, FIRST:LAST:STEP counted from 0 (LAST not included)"
     )
     keep_interpolated: bool = _setting(
         False, "files", "use interpolated vectors as if they were measured"
+    )
+    force: bool = _setting(
+        False,
+        "files",
+        "write the flow file although a check calls it impossible; and where a flag contradicts a "
+        "file, the flag holds",
     )
     track_window: int = _setting(
         5, "files", "frames of the local polynomial that gives the velocity of a track; odd"
@@ -40,7 +60,9 @@ class Settings:
         None, "calibration", "velocity fields per second, '500 Hz', or the time between two, '2 ms'"
     )
     pulse_delay: str | None = _setting(
-        None, "calibration", "time between the two images of a pair; default 1 / frame rate"
+        None,
+        "calibration",
+        "time between the two images of a pair, of double frames; default 1 / frame rate",
     )
     start: str | None = _setting(
         None,
@@ -169,6 +191,8 @@ class Settings:
         require_fields(self, DataFileError)
         if self.flip_y not in ("auto", "yes", "no"):
             raise DataFileError(f"--flip-y must be auto, yes or no, got {self.flip_y!r}")
+        if self.zeros not in ("measured", "missing"):
+            raise DataFileError(f"--zeros must be measured or missing, got {self.zeros!r}")
         if self.solid_fraction is not None and not 0 < self.solid_fraction <= 1:
             raise DataFileError(
                 f"--solid-fraction must be above 0 and at most 1, got {self.solid_fraction:g}"

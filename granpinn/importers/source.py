@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,30 +13,37 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.importers import units
 from granpinn.importers.arrays import from_arrays
-from granpinn.importers.columns import NAMES, header, read_table, require_finite
+from granpinn.importers.columns import HEADER_LINES, NAMES, layout_of, read_table, require_finite
 from granpinn.importers.numerals import number, whole
 from granpinn.importers.series import expand, read_vectors
 from granpinn.importers.settings import Settings
-from granpinn.importers.textfile import TextFile, separator_of
+from granpinn.importers.textfile import TextFile, is_number
 from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, Validity, VectorFields
 
 Source = str | Path | Sequence[str | Path] | VectorFields | Mapping[str, Any]
+FIELDS = ("u", "v", "c", "p")
 _NUMBER = re.compile(r"\d++(?:\.\d++)?(?:[eE][-+]?\d++)?")
-_TITLE = re.compile(r"\s*+[A-Za-z#%\"]")
 
 
 def vectors_of(source: Source, settings: Settings) -> VectorFields:
     """The vectors of the source, with the times of --times."""
+    format = settings.format
     if isinstance(source, VectorFields):
         fields = source
     elif isinstance(source, Mapping):
         fields = from_arrays(source)
     else:
-        options: dict[str, Any] = {"window": settings.track_window}
+        options: dict[str, Any] = {
+            "window": settings.track_window,
+            "drop_duplicates": settings.drop_duplicates,
+        }
         if settings.fields:
-            options["names"] = _names(settings.fields)
+            options["names"] = _names(settings.fields, "--fields", FIELDS, "u=U,c=alpha.grains,p=p")
+        if settings.columns:
+            options["columns"] = _names(settings.columns, "--columns", NAMES, "x=X_mm,y=Y_mm,t=T")
+            format = "tracks" if format == "auto" else format
         count = settings.times is not None or units.has(settings.time_unit, "frame")
-        fields = read_vectors(source, settings.format, options, count=count)
+        fields = read_vectors(source, format, options, count=count)
     if settings.times is not None:
         fields = _with_times(fields, settings, settings.times, source)
     if settings.dimensionless and {fields.length_unit, fields.velocity_unit} - {None, "1", "-"}:
@@ -47,12 +54,15 @@ def vectors_of(source: Source, settings: Settings) -> VectorFields:
     return fields
 
 
-def _names(text: str) -> dict[str, str]:
+def _names(text: str, flag: str, known: Iterable[str], example: str) -> dict[str, str]:
+    """The names in the files by their roles."""
     pairs = [part.partition("=") for part in text.split(",")]
     names = {key.strip(): value.strip() for key, _, value in pairs}
     once = len(names) == len(pairs)
-    if not (set(names) <= {"u", "v", "c", "p"} and all(names.values()) and once):
-        raise DataFileError(f"--fields must be like u=U,c=alpha.grains,p=p, got {text!r}")
+    if not (set(names) <= {*known} and all(names.values()) and once):
+        raise DataFileError(
+            f"{flag} must name some of {', '.join(known)}, such as {example}, got {text!r}"
+        )
     return names
 
 
@@ -112,8 +122,9 @@ def _times_of(path: Path) -> tuple[Float64, str | None]:
     A single column needs no name. Of several one is t; a column frame sets their order.
     """
     text = TextFile(path)
-    line = text.head(1)[0]
-    if _TITLE.match(line) is None:
+    roles = {name: NAMES[name] for name in ("t", "frame")}
+    layout = layout_of(text.head(HEADER_LINES), roles, ("t",))
+    if not layout.named or is_number(layout.named[0].name):
         rows = text.numbers()
         if rows.shape[1] > 1:
             raise DataFileError(
@@ -121,22 +132,22 @@ def _times_of(path: Path) -> tuple[Float64, str | None]:
                 "line that names the column of the times t"
             )
         return rows[:, 0], None
-    named, separator = header(line), separator_of(line)
-    roles = {name: NAMES[name] for name in ("t", "frame")}
-    if len(named) == 1:
-        roles = {"t": (named[0].name,)}
-    table = read_table(text, roles, named, ("t",), separator=separator)
+    if len(layout.named) == 1:
+        roles = {"t": (layout.named[0].name,)}
+    table = read_table(text, roles, layout.named, ("t",), layout.skip, layout.separator)
     require_finite(path, table.columns)
     order = np.argsort(table.columns.get("frame", np.zeros(0)), kind="stable")
     t = table.columns["t"]
     return t[order] if order.size else t, table.units.get("t")
 
 
-def without_interpolated(fields: VectorFields, settings: Settings) -> VectorFields:
-    """Makes interpolated vectors invalid, or measured ones if the setting says so."""
+def measured(fields: VectorFields, settings: Settings) -> VectorFields:
+    """Makes interpolated vectors invalid, or measured ones if the setting says so; and zeros."""
     code = Validity.VALID if settings.keep_interpolated else Validity.INVALID
     codes = fields.validity.copy()
     codes[codes == Validity.INTERPOLATED] = code
+    if settings.zeros == "missing":
+        codes[(fields.u == 0) & (fields.v == 0)] = Validity.INVALID
     gone = codes == Validity.INVALID
     u, v = (np.where(gone, np.nan, a) for a in (fields.u, fields.v))
     return replace(fields, validity=codes, u=u, v=v)

@@ -20,6 +20,7 @@ from granpinn.arrays import Float64, plain_array
 from granpinn.data.flow import Surface
 from granpinn.importers.columns import read_headed, require, require_finite
 from granpinn.importers.frame import Frame
+from granpinn.importers.opyf import is_depths, read_depths
 from granpinn.importers.vectors import DataFileError, VectorFields
 
 HALF = 0.5
@@ -72,14 +73,14 @@ def from_scattered(fields: VectorFields) -> Surface | None:
 
 
 def from_table(path: Path, frame: Frame) -> Surface:
-    """The points of a CSV file with the columns t (or frame), x, y.
+    """The points of a table with the columns t (or frame), x, y, or of opyf's depths.
 
     A column with a unit in brackets is in that unit; the others have the units of the vectors.
 
     Args:
         frame: of the vectors, in whose axes the points are given.
     """
-    table = read_headed(path, ("x", "y"))
+    table = read_depths(path) if is_depths(path) else read_headed(path, ("x", "y"))
     columns = table.columns
     time = "t" if "t" in columns else "frame"
     require(path, table.named, [] if time in columns else ["t (or frame)"])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 from array import array
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +21,14 @@ MAX_BYTES = 2**30
 MAX_COLUMNS = 1000
 MAX_LINE = 2**16  # characters
 _BLOCK = 2**20
+_ZEROS = 3  # UTF-16 without a mark has more zero bytes than one of so many
+_COMMENTS = ("#", "%")
+# What programs write where a number is missing.
+_MISSING = ("", "na", "n/a", "none", "null", "-")
 
 
 class TextFile:
-    """The lines of a text file, without the byte order mark and with any line ends.
+    """The lines of a text file in UTF-8, UTF-16 or Latin-1, with any line ends.
 
     Raises:
         DataFileError: the file cannot be opened, or its size is not between 1 byte and 1 GiB.
@@ -61,8 +67,9 @@ class TextFile:
 
     def _blocks(self) -> Iterator[str]:
         """Whole lines as text, about 1 MiB at a time, without the last line end."""
-        left, rest, number, encoding = self.size, b"", 1, "utf-8-sig"
+        left, rest, number = self.size, "", 1
         with open_file(self.path, MAX_BYTES) as stream:
+            decoder: Any = None
             while left > 0:
                 piece = stream.read(min(left, _BLOCK))
                 if not piece or (left == len(piece) and stream.read(1)):
@@ -71,22 +78,22 @@ class TextFile:
                         "writes it"
                     )
                 left -= len(piece)
-                if b"\0" in piece:
+                if decoder is None:
+                    decoder = codecs.getincrementaldecoder(encoding_of(piece))("replace")
+                text = rest + decoder.decode(piece, left == 0)
+                if "\0" in text:
                     raise DataFileError(
-                        f"{self.path} must be text, got binary data or UTF-16: name its "
-                        "--format, or export it as UTF-8"
+                        f"{self.path} must be text, got binary data: name its --format, or export "
+                        "it as UTF-8"
                     )
-                content = rest + piece
-                end = len(content)
+                end = len(text)
                 if left > 0:  # an "\r" at the very end may be half of a line end
-                    end = content.rfind(b"\n") + 1 or content.rfind(b"\r", 0, end - 1) + 1
-                if end == 0:
+                    end = text.rfind("\n") + 1 or text.rfind("\r", 0, end - 1) + 1
+                if end == 0 and left > 0:
                     raise self._too_long(number)
-                rest = content[end:]
-                text = content[:end].decode(encoding, "replace")
+                text, rest = text[:end], text[end:]
                 if "\r" in text:
                     text = text.replace("\r\n", "\n").replace("\r", "\n")
-                encoding = "utf-8"
                 text = text.removesuffix("\n")
                 yield text
                 number += text.count("\n") + 1
@@ -127,6 +134,29 @@ class TextFile:
         return rows.table()
 
 
+def encoding_of(content: bytes) -> str:
+    """UTF-16, UTF-8, or Latin-1 where it is neither, from the first bytes of a file."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    even, odd = (content[k::2].count(0) for k in (0, 1))
+    if even + odd > len(content) / _ZEROS and 0 in (even, odd):  # every second byte of ASCII
+        return "utf-16-le" if odd else "utf-16-be"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(content)
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8-sig"
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell of a table holds a number, with a point or a comma."""
+    try:
+        parse(cell.strip().replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
 def separator_of(line: str) -> str:
     """The separator of the cells of a line, "" for blanks."""
     return next((mark for mark in ";\t," if mark in line), "")
@@ -158,12 +188,12 @@ class _Rows:
         self._signs: set[str] = set()  # decimal signs
 
     def add(self, number: int, line: str) -> None:
-        """Appends a line; nothing if it is blank.
+        """Appends a line; nothing if it is blank or a comment.
 
         float() reads most lines. The exact parser reads the lines where float() fails, or where it
         would accept more than the exact parser.
         """
-        if not line or line.isspace():
+        if not line or line.isspace() or line.startswith(_COMMENTS):
             return
         if self._separator is None:
             self._separator = separator_of(line)
@@ -184,10 +214,12 @@ class _Rows:
         if len(cells) == self._count + 1 and not cells[-1].strip():
             del cells[-1]
         if len(cells) != self._count:
+            cause = "it was cut off here, or this line is no row of the table"
+            if len(cells) > self._count:
+                cause = "it has a comma both between columns and in numbers, or mixes tables"
             raise DataFileError(
                 f"{self._path}, line {number}: expected {self._count} cells as above, got "
-                f"{len(cells)}: the file was cut off, mixes tables, or has a comma both between "
-                "columns and in numbers; export it again"
+                f"{len(cells)}: {cause}; export it again"
             )
         if self._kept is not None:
             cells = [cells[i] for i in self._kept]
@@ -218,11 +250,13 @@ class _Rows:
 
     def _parsed(self, number: int, cells: list[str]) -> list[float]:
         row = []
-        for column, cell in enumerate(cells, 1):
+        for k, cell in enumerate(cells):
             try:
-                row.append(parse(cell.strip() or "nan"))
+                text = cell.strip()
+                row.append(math.nan if text.lower() in _MISSING else parse(text))
             except ValueError:
-                comma = "," in cell and "separate columns with ';' or tabs, or use points"
+                column = 1 + (k if self._kept is None else self._kept[k])
+                comma = {",", " "} & {*text} and "separate columns with ';' or tabs, or use points"
                 raise DataFileError(
                     f"{self._path}, line {number}: expected numbers, got {cell[:MAX_CHARACTERS]!r} "
                     f"in column {column}: "

@@ -54,7 +54,7 @@ def velocities(
     """Position and velocity of every observation [n], in the order given.
 
     Args:
-        t: time, or frame once more.
+        t: time, or frame once more; one for each particle and frame.
         frame: numbers of the frames, which the window counts; or as `counted`.
         particle: number of the track; NaN = not on a track.
         ep: standard deviation of the position, or None.
@@ -68,10 +68,6 @@ def velocities(
     require_room(t.size * window * _PER_PLACE, 8 / COPIES, "the table of tracks")
     order = np.lexsort((frame, particle))
     t, frame, x, y, particle = (a[order] for a in (t, frame, x, y, particle))
-    if ((np.diff(particle) == 0) & (np.diff(frame) == 0)).any():
-        raise DataFileError(
-            "a track must have one position in every frame, got two: link the particles again"
-        )
     half = window // 2
     n = t.size
     index = np.arange(n)[:, None] + np.arange(-half, half + 1)

@@ -200,6 +200,17 @@ def ratio(text: str, other: str, what: str) -> float:
     return in_range(float(one.to(base).magnitude), what, text)
 
 
+def same_dimension(text: str, other: str) -> bool:
+    """Whether a value in one unit can be converted to the other."""
+    one, base = unit(text, "the unit"), unit(other, "the unit")
+    return bool(one.dimensionality == base.dimensionality)
+
+
+def shown(value: float, name: str) -> str:
+    """A value in `name`, with the prefix that suits its size: 0.002 s is "2 ms"."""
+    return f"{(value * unit(name, 'the unit')).to_compact():.6g~P}"
+
+
 def has(text: str | None, symbol: str) -> bool:
     """Whether a unit contains pixels ("px") or frames ("frame")."""
     if text is None:

@@ -49,6 +49,7 @@ FAST, TOO_FAST = 1.2, 1.8  # inward acceleration over the pull of gravity
 ASIDE = 0.5  # of |g|: an inward acceleration that only gravity gives
 SHOWN = 0.85  # of |g|: an acceleration that is called a free fall
 FREE, TILT = 0.9, 3.0  # least acceleration of a free fall over |g|; degrees
+FASTER = 1.05  # size of a free fall over |g|, above which a scale is wrong
 SLENDER, SLOW = 4.0, 0.7  # height over width; acceleration over the pull of gravity
 SPREADS = 0.8  # height of a column at last over that at first
 GAINS, GAINS_TOO_MUCH = 1.1, 1.5
@@ -231,12 +232,20 @@ def _tilt(gravity: tuple[float, float], fall: Fall | None) -> Reason | None:
     tilt = fall.tilt(gravity)
     if abs(tilt) - STANDARD_ERRORS * math.degrees(fall.error / fall.size) < TILT:
         return None
-    return Reason(
-        IMPROBABLE,
+    text = (
         f"the freely falling {fall.side} of the grains accelerates {abs(tilt):.1f} degrees "
-        f"{'counter-' if tilt > 0 else ''}clockwise of gravity: check the direction of gravity "
-        "(convert: --tilt)",
+        f"{'counter-' if tilt > 0 else ''}clockwise of gravity"
     )
+    turn = "check the direction of gravity (convert: --tilt)"
+    if fall.size - STANDARD_ERRORS * fall.error > FASTER:  # no direction of gravity makes it larger
+        more = fall.size - 1
+        text += (
+            f" and {more:.0%} faster than gravity: the scale is about {more:.0%} too large, or the "
+            f"frame rate {more / 2:.0%} too high, which no tilt explains; then {turn}"
+        )
+    else:
+        text += f": {turn}"
+    return Reason(IMPROBABLE, text)
 
 
 def _remedy(factor: float, bound: str) -> str:

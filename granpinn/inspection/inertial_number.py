@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.inspection import Inspection
+from granpinn.data.scaling import initial_height
+from granpinn.inspection import Inspection, digits
+from granpinn.inspection.statements import FEW_GRAINS
 from granpinn.physics.laws import mu_of_i
 from granpinn.results.determined import NOT_DETERMINED
 from granpinn.results.record import CARE, IMPROBABLE, Check, Reason, Record
@@ -54,11 +56,20 @@ class InertialRange(Record):
 
     def reasons(self, of: Inspection) -> list[Reason]:
         found = []
-        if self.q50 > GAS:
+        flow, text = of.filmed, ""
+        count = initial_height(flow) / flow.grain_diameter
+        if not flow.periodic and count < FEW_GRAINS and self.q99 > GAS:
+            text = (
+                f"the grains are {digits(count)} diameters high, and the inertial number reaches "
+                f"{self.q99:.2g}, where grains collide as in a gas"
+            )
+        elif self.q50 > GAS:
             text = (
                 f"the inertial number is {self.q50:.2g} (median), and dense flows have less than "
-                f"{GAS:g}: check the grain diameter, the scale and the frame rate"
+                f"{GAS:g}"
             )
+        if text:
+            text += ": check the grain diameter, the scale and the frame rate"
             found.append(Reason(IMPROBABLE, text))
         if self.lost:
             text = (

@@ -7,6 +7,7 @@ The bounds are wide: no sound file of any study comes near them.
   the height of the grains. Side walls are at least a grain apart.
 - A measured velocity has an error between 1e-6 times the largest speed and that speed.
 - A pressure or a stress is at most some times the weight of the grains.
+- Vectors are multiples of one number only where a program has rounded them.
 - A steady layer that is the same at every x flows under a free surface only down a slope.
 
 Sizes have the bounds of any laboratory and field, with margins:
@@ -29,6 +30,7 @@ from granpinn.data import Flow, known_sd
 from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
 from granpinn.data.large import spread
 from granpinn.data.scaling import initial_height
+from granpinn.estimates.lattice import ROUNDING, lattice_step
 from granpinn.inspection import Inspection, digits
 from granpinn.physics.axes import vertical_coordinate
 from granpinn.results.record import IMPOSSIBLE, IMPROBABLE, UNUSUAL, Check, Reason, Record
@@ -61,7 +63,8 @@ class Statements(Record):
 def make(inspection: Inspection) -> Statements:
     flow, speeds = inspection.filmed, inspection.speeds
     found = [*_sizes(flow), *_lengths(flow), *_errors(flow, speeds), *_line(flow)]
-    return Statements((*found, *_stresses(flow), *_level(flow, speeds), *_alike(flow)))
+    found += [*_stresses(flow), *_level(flow, speeds), *_alike(flow)]
+    return Statements((*found, *_locked(flow, speeds)))
 
 
 def _sizes(flow: Flow) -> list[Reason]:
@@ -181,6 +184,21 @@ def _alike(flow: Flow) -> list[Reason]:
         "of their friction: check u and v"
     )
     return [Reason(IMPOSSIBLE, text)]
+
+
+def _locked(flow: Flow, speeds: Float64) -> list[Reason]:
+    """Vectors that the PIV program rounded."""
+    step = lattice_step(flow)
+    if step == 0:
+        return []
+    error = ROUNDING * step
+    text = (
+        f"all vectors are multiples of {step:.3g} (peak locking: whole pixels or parts of one), so "
+        f"their noise is at least {error:.2g}, {error / float(speeds.max()):.1%} of the largest "
+        "speed: let the PIV program fit the peak to a part of a pixel, or use larger particle "
+        "images"
+    )
+    return [Reason(UNUSUAL, text)]
 
 
 def _vectors(flow: Flow) -> tuple[Floats, Floats]:

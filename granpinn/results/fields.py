@@ -11,15 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float32, Float64, Int64
 from granpinn.data.flow import STEADY
-from granpinn.data.hdf5 import SafeFile, open_hdf5
-from granpinn.data.hdf5.attributes import Attributes
-from granpinn.data.hdf5.dataset import Dataset
+from granpinn.data.hdf5 import Attributes, Hdf5File, read_hdf5
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
@@ -214,15 +214,15 @@ def read_fields(path: str | Path) -> Fields:
     """Read fields.h5; the message of FieldsFileError is one sentence."""
     path = Path(path)
     try:
-        with open_hdf5(path, MAX_BYTES) as file:
-            return _read(file)
+        names = [*"tyxc", *VARIABLES]
+        return _read(read_hdf5(path, names, MAX_BYTES, "choose fewer frames"))
     except MissingFileError:
         raise FieldsFileError(f"{path} does not exist") from None
     except UnsafeFileError as error:
         raise FieldsFileError(f"{path} could not be read as {FORMAT_NAME}: {error}") from None
 
 
-def _read(file: SafeFile) -> Fields:
+def _read(file: Hdf5File) -> Fields:
     attributes = file.attributes
     name = _text(attributes, "format_name")
     version = _number(attributes, "format_version")
@@ -231,11 +231,13 @@ def _read(file: SafeFile) -> Fields:
             f"expected version {FORMAT_VERSION}, got {name} version {version:g}: read it with the "
             "granpinn that wrote it"
         )
-    t, y, x = (_require(file, name, 1).read("float64") for name in "tyx")
+    t, y, x = (_require(file, name, 1).astype(np.float64) for name in "tyx")
     shape = t.size, y.size, x.size
     c = _on_grid(file, "c", shape)
     inside = np.equal(c, 1.0)
-    values = {name: _on_grid(file, name, shape)[inside] for name in VARIABLES if file.holds(name)}
+    values = {
+        name: _on_grid(file, name, shape)[inside] for name in VARIABLES if name in file.datasets
+    }
     names = ["length", "time", *(["density"] if attributes.text("density_unit") else [])]
     return Fields(
         t=t,
@@ -251,22 +253,26 @@ def _read(file: SafeFile) -> Fields:
     )
 
 
-def _require(file: SafeFile, name: str, axes: int) -> Dataset:
-    dataset = file.open_dataset(name)
+def _require(file: Hdf5File, name: str, axes: int) -> npt.NDArray[Any]:
+    dataset = file.datasets.get(name)
     found = "none" if dataset is None else f"{len(dataset.layout.shape)} axes"
     if dataset is None or len(dataset.layout.shape) != axes:
         raise UnsafeFileError(f"{name} must have {axes} axes, got {found}: predict again")
-    return dataset
-
-
-def _on_grid(file: SafeFile, name: str, shape: tuple[int, int, int]) -> Float32:
-    """A variable [T, Y, X]."""
-    dataset = _require(file, name, 3)
-    if dataset.layout.shape != shape:
+    if dataset.values is None:
         raise UnsafeFileError(
-            f"{name} must be {shape} like t, y, x, got {dataset.layout.shape}: predict again"
+            f"{name} must hold numbers, got {dataset.layout.dtype}: predict again"
         )
-    return dataset.read("float32")
+    return dataset.values
+
+
+def _on_grid(file: Hdf5File, name: str, shape: tuple[int, int, int]) -> Float32:
+    """A variable [T, Y, X]."""
+    values = _require(file, name, 3)
+    if values.shape != shape:
+        raise UnsafeFileError(
+            f"{name} must be {shape} like t, y, x, got {values.shape}: predict again"
+        )
+    return values.astype(np.float32, copy=False)
 
 
 def _text(attributes: Attributes, name: str) -> str:

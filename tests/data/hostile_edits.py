@@ -117,8 +117,7 @@ def _loop(file: h5py.File) -> None:
 
 
 def _retype(file: h5py.File, dtype: object) -> None:
-    shape = file["u"].shape
-    _replace(file, "u", shape=shape, dtype=dtype)
+    _replace(file, "u", shape=file["u"].shape, dtype=dtype)
 
 
 def _set_values(file: h5py.File, name: str, index: object, value: float) -> None:
@@ -174,19 +173,19 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "scalar": (lambda f: _replace(f, "u", data=np.float32(1)), "got 0 dimensions"),
     "variable-length strings": (
         lambda f: _retype(f, h5py.string_dtype()),
-        "got variable-length string",
+        "got string",
     ),
-    "fixed strings": (lambda f: _retype(f, "S4"), "got fixed-length string"),
-    "variable-length numbers": (lambda f: _retype(f, h5py.vlen_dtype("f4")), "variable-length"),
-    "object references": (lambda f: _retype(f, h5py.ref_dtype), "got object reference"),
-    "region references": (lambda f: _retype(f, h5py.regionref_dtype), "got object reference"),
+    "fixed strings": (lambda f: _retype(f, "S4"), "got string"),
+    "variable-length numbers": (lambda f: _retype(f, h5py.vlen_dtype("f4")), "got vlen"),
+    "object references": (lambda f: _retype(f, h5py.ref_dtype), "got reference"),
+    "region references": (lambda f: _retype(f, h5py.regionref_dtype), "got reference"),
     "compound": (lambda f: _retype(f, [("a", "f4")]), "got compound"),
     "complex": (lambda f: _retype(f, "c8"), "got co"),
-    "enumeration": (lambda f: _retype(f, "?"), "got enumeration"),
+    "enumeration": (lambda f: _retype(f, "?"), "got enum"),
     "array type": (lambda f: _retype(f, "(2,)f4"), "got array"),
     "opaque": (lambda f: _retype(f, "V4"), "got opaque"),
-    "integers": (lambda f: _retype(f, "i4"), "got integer of 4 bytes"),
-    "half floats": (lambda f: _retype(f, "f2"), "got float of 2 bytes"),
+    "integers": (lambda f: _replace(f, "u", data=np.zeros(f["u"].shape, "i4")), "got int32"),
+    "half floats": (lambda f: _replace(f, "u", data=f["u"][:].astype("f2")), "got float16"),
     "long floats": (lambda f: _retype(f, "f16"), "u must be float32 or float64"),
     # Shapes
     "no u": (lambda f: f.pop("u"), "u is missing"),
@@ -204,18 +203,17 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     ),
     "half a surface": (lambda f: f.pop("surface_y"), "must come together"),
     # Attributes
-    "variable-length name": (
-        lambda f: f.attrs.__setitem__("format_name", "granpinn-flow"),
-        "format_name must be a fixed-length string, got variable-length string",
-    ),
     "other format": (
         lambda f: f.attrs.__setitem__("format_name", np.bytes_("other")),
         "must be 'granpinn-flow', got 'other'",
     ),
-    "name as number": (lambda f: f.attrs.create("format_name", 1), "fixed-length string, got int"),
+    "name as number": (
+        lambda f: f.attrs.create("format_name", 1),
+        "must be one text, got 1 numbers",
+    ),
     "names": (
         lambda f: f.attrs.create("format_name", np.array([b"a", b"b"])),
-        "format_name must be one string",
+        "format_name must be one text",
     ),
     "no name": (lambda f: f.attrs.pop("format_name"), "got nothing"),
     "newer version": (lambda f: f.attrs.create("format_version", 2), "format_version must be 1"),
@@ -223,9 +221,9 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "density as text": (lambda f: f.attrs.create("density", np.bytes_("2")), "density must be a n"),
     "density as reference": (
         lambda f: f.attrs.create("density", f["u"].ref, dtype=h5py.ref_dtype),
-        "got object reference",
+        "got reference",
     ),
-    "empty density": (lambda f: f.attrs.create("density", h5py.Empty("f8")), "must have a value"),
+    "empty density": (lambda f: f.attrs.create("density", h5py.Empty("f8")), "got no value"),
     "negative density": (lambda f: f.attrs.create("density", -2.0), "density must be a positive"),
     "two densities": (lambda f: f.attrs.create("density", [1.0, 2.0]), "density must be one"),
     "zero densities": (lambda f: f.attrs.create("density", np.empty(0)), "got 0: correct it"),
@@ -233,7 +231,7 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "no unit": (lambda f: f.attrs.pop("length_unit"), "length_unit is missing"),
     "unit in another encoding": (
         lambda f: f.attrs.create("length_unit", np.bytes_(b"\xb5m")),
-        "length_unit must be text in UTF-8",
+        "length_unit must be one text, got text that is not UTF-8",
     ),
     "gravity in 3D": (lambda f: f.attrs.create("gravity", [0.0, 0.0, -1.0]), "gravity must be two"),
     "sigma twice": (

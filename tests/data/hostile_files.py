@@ -25,7 +25,7 @@ def _damaged_heap(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file.attrs["format_name"] = "granpinn-flow"
     content = bytearray(path.read_bytes())
-    start = content.index(b"GCOL")
+    start = content.rindex(b"GCOL")
     content[start + 16 : start + 64] = b"\xff" * 48
     path.write_bytes(content)
 
@@ -85,8 +85,8 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "overwritten superblock": (lambda p: _overwrite(p, 8, 88), "damaged or was cut off"),
     "overwritten root": (lambda p: _overwrite(p, 96, 600), "damaged or was cut off"),
     "sparse and huge": (lambda p: os.truncate(p, 2**40), "at most 128 GiB"),
-    "damaged heap": (_damaged_heap, "got variable-length string"),
-    "long attribute": (_long_attribute, "format_name must be at most 65536 bytes"),
+    "damaged heap": (_damaged_heap, "cannot be read by"),
+    "long attribute": (_long_attribute, "format_name must be one text, got 1000000 bytes"),
     "damaged chunk": (_damaged_chunk, "u "),
     "short chunk": (_short_chunk, "u must have chunks of"),
 }

@@ -33,7 +33,7 @@ def test_the_law_of_the_page_is_identified(tmp_path: Path) -> None:
         text=True,
     )
     assert done.returncode == 0, done.stderr
-    assert re.search(r"^b +[0-9.]+ ", done.stdout, re.MULTILINE)
+    assert re.search(r"^b +[0-9.]+$", done.stdout, re.MULTILINE)
     assert (tmp_path / "run" / "report.html").stat().st_size > 100_000
 
 

@@ -54,7 +54,7 @@ def _tracks(path: Path) -> Path:
 
 def _velocities(path: Path) -> Path:
     columns = motion(0.05, tracks=12)
-    named = {"t [s]": columns["frame"], "x [px]": columns["x"], "y [px]": columns["y"]}
+    named = {"t [ms]": 2 * columns["frame"], "x [px]": columns["x"], "y [px]": columns["y"]}
     return write_csv(path, named | {"u [px/s]": columns["x"], "v": columns["y"]})
 
 
@@ -69,7 +69,7 @@ def _walls(path: Path) -> Path:
 
 
 def _times(path: Path) -> Path:
-    return scene.write_lines(path, ["t [ms]", "1", "2"])
+    return scene.write_lines(path, ["t [ms]", "1", "3"])
 
 
 def _two(path: Path) -> None:

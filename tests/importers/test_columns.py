@@ -70,7 +70,7 @@ def test_times_without_a_unit_are_no_numbers_of_frames(tmp_path: Path) -> None:
 
 
 NO_TIMES = {
-    "decimal commas between commas": (["Zeit [s]", "0,010", "0,020", "0,030"], "separate columns"),
+    "decimal commas between commas": (["Zeit [s]", "0,010", "0,020", "0,030"], "a comma both"),
     "several columns": (["frame;temps [s]", "1;0,5", "2;0,6", "3;0,7"], "must have the columns t"),
     "no header": (["1,0.5", "2,0.6", "3,0.7"], "must hold one number in every row, got 2"),
     "two times": (["t [s],time [ms]", "1,2", "2,3", "3,4"], "one column for t, got t, time"),
@@ -159,7 +159,7 @@ def test_fields_of_a_simulation_are_chosen_by_one_name(tmp_path: Path) -> None:
         read_vectors(path)
     named = read_vectors(path, options={"names": {"c": "f"}})
     assert named.c is not None
-    with pytest.raises(DataFileError, match="fields must be like u=U"):
+    with pytest.raises(DataFileError, match="fields must name some of u, v, c, p"):
         read(path, fields="c=f,c=c", **GRAINS)
     with pytest.raises(DataFileError, match="must have the columns phi, got"):
         read_vectors(path, options={"names": {"c": "phi"}})

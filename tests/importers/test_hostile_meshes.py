@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from granpinn.importers import DataFileError, davis, isolated, meshes, read_vectors
+from granpinn.importers import DataFileError, davis, meshes, read_vectors
 from tests.importers.test_meshes import foam_case
 from tests.opened import watched
 
@@ -45,7 +42,7 @@ def test_a_crash_of_vtk_is_one_sentence(tmp_path: Path) -> None:
     content = path.read_bytes()
     at = content.index(b"CONNECTIVITY") + 40
     path.write_bytes(content[:at] + b"\x7f" * 64 + content[at + 64 :])
-    with pytest.raises(DataFileError, match="cannot be read by pyvista") as caught:
+    with pytest.raises(DataFileError, match="cannot be read by") as caught:
         read_vectors(path)
     assert "\n" not in str(caught.value)
     path.write_bytes(content)
@@ -59,27 +56,6 @@ def test_declared_terabytes(tmp_path: Path) -> None:
     path.write_bytes(content)
     with pytest.raises(DataFileError, match=r"a.vti"):
         read_vectors(path)
-
-
-def test_a_library_that_never_answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "a.vti"
-    grid().save(path)
-    read_vectors(path)
-    monkeypatch.setattr(isolated, "SECONDS", 0.3)
-    os.kill(isolated._RUNNING["pyvista"]._process.pid, signal.SIGSTOP)
-    with pytest.raises(DataFileError, match="crashed or took too long"):
-        read_vectors(path)
-    monkeypatch.undo()
-    read_vectors(path)
-
-
-def test_a_limit_of_the_user_stays_in_force(tmp_path: Path) -> None:
-    """With `ulimit -v`, nobody but root may raise the limit again."""
-    words = "import resource; from granpinn.importers import foreign_process as process; "
-    words += "r = resource.RLIMIT_AS; resource.setrlimit(r, (2**36, 2**36)); "
-    words += "process._limit_memory(2**35); assert resource.getrlimit(r) == (2**35, 2**36); "
-    words += "process._limit_memory(2**37); assert resource.getrlimit(r) == (2**36, 2**36)"
-    subprocess.run([sys.executable, "-c", words], check=True)
 
 
 def test_a_series_in_its_folder(tmp_path: Path) -> None:
@@ -188,11 +164,6 @@ def test_vtkhdf_that_names_another_file(tmp_path: Path) -> None:
         del file["VTKHDF/CellData/U"]
         file["VTKHDF/CellData/U"] = h5py.ExternalLink("b.h5", "VTKHDF/CellData/U")
     with watched(outside) as opened:
-        with pytest.raises(DataFileError, match="/VTKHDF/CellData/U must be stored in the file"):
+        with pytest.raises(DataFileError, match="VTKHDF/CellData/U must be stored in the file"):
             read_vectors(path)
         assert not opened()
-    with h5py.File(path, "r+") as file:
-        del file["VTKHDF/CellData/U"]
-        file["VTKHDF"].attrs["Type"] = "ImageData"  # of variable length
-    with pytest.raises(DataFileError, match="must be a number or a fixed-length string"):
-        read_vectors(path)

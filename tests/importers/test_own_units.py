@@ -56,7 +56,8 @@ def test_velocities_of_tracks_follow_the_units_of_their_positions(tmp_path: Path
     stated = {"x [m]": columns["x"], "y [m]": columns["y"], "t [s]": columns["frame"]}
     stated["particle"] = columns["particle"]
     own = write_csv(tmp_path / "b.csv", stated)
-    cases += [(own, {"length_unit": "mm"}, 1e-3), (own, {"time_unit": "ms"}, 1e3)]
+    cases += [(own, {"length_unit": "mm", "force": True}, 1e-3)]
+    cases += [(own, {"time_unit": "ms", "force": True}, 1e3)]
     for file, settings, speed in cases:
         plain = QUIET if "dimensionless" in settings else shared
         flow = read(file, **plain | settings)

@@ -44,7 +44,9 @@ def version_73(path: Path, variables: dict[str, Any]) -> Path:
 
         for name, value in variables.items():
             if isinstance(value, str):
-                value = np.array([ord(letter) for letter in value], np.uint16)
+                text = put(name, np.array([ord(letter) for letter in value], np.uint16))
+                text.attrs["MATLAB_class"] = np.bytes_("char")
+                continue
             if np.asarray(value).dtype.kind != "O":
                 put(name, value)
                 continue
@@ -106,7 +108,7 @@ def session(**options: Any) -> dict[str, Any]:
         table[6, k], table[7, k] = m["u"][k], m["v"][k]
         if "typevector" in m:
             table[4, k] = table[8, k] = m["typevector"][k]
-    return {"resultslist": table, "calxy": 1e-4, "calu": 0.05, "calv": 0.05}
+    return {"resultslist": table, "calxy": 0.5e-3, "calu": 0.25, "calv": 0.25}
 
 
 WRITERS = pytest.mark.parametrize("write", [version_5, version_73])
@@ -120,7 +122,6 @@ WRITERS = pytest.mark.parametrize("write", [version_5, version_73])
         ({"units": "[m] respectively [m/frame]"}, "m/frame"),
         ({"displacement_only": 1.0}, "m/frame"),
         ({"units": "[\N{MICRO SIGN}m]"}, "m/s"),
-        ({"units": "m/frame" * 200}, "m/s"),
     ],
 )
 def test_calibrated_without_a_time_step(
@@ -186,11 +187,13 @@ def test_something_else_is_refused(tmp_path: Path, write: Writer) -> None:
         read_vectors(write(tmp_path / "a.mat", {"image": np.ones((4, 4))}))
     path = write(tmp_path / "b.mat", all_frames())
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
-    with pytest.raises(DataFileError, match="b.mat cannot be read as a MATLAB file") as caught:
+    with pytest.raises(
+        DataFileError, match="b.mat: (it cannot be read by scipy|the file is damaged)"
+    ) as caught:
         read_vectors(path)
     assert "\n" not in str(caught.value)
     (tmp_path / "c.mat").write_bytes(b"MATLAB nothing")
-    with pytest.raises(DataFileError, match="c.mat cannot be read as a MATLAB file"):
+    with pytest.raises(DataFileError, match="c.mat: it cannot be read by scipy"):
         read_vectors(tmp_path / "c.mat")
 
 

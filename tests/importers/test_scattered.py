@@ -61,14 +61,14 @@ def test_frames_are_chosen_by_their_time() -> None:
     ("change", "settings", "message"),
     [
         ({"u": np.full(N, np.nan)}, {}, "no vector is valid"),
-        ({}, {"mask": "m.png"}, "--mask is for vectors on a grid, got scattered ones"),
-        ({}, {"sigma": "-1"}, "--sigma must be positive"),
+        ({}, {"mask": "m.png"}, "mask is for vectors on a grid, got scattered ones"),
+        ({}, {"sigma": "-1"}, "sigma must be positive"),
         ({"sigma_u": np.full(N, -0.1), "sigma_v": np.ones(N)}, {}, "sigma_u must be positive, and"),
         ({"sigma_u": np.ones(N), "sigma_v": np.full(N, np.inf)}, {}, "sigma_v must be positive"),
-        ({}, {"sigma": "much"}, "--sigma must be a plain number"),
-        ({}, {"times": "name"}, "--times name needs files, got arrays"),
-        ({}, {"frames": "0:9:0"}, "--frames must be FIRST:LAST:STEP"),
-        ({"length_unit": "mm"}, {}, "--dimensionless contradicts the files"),
+        ({}, {"sigma": "much"}, "sigma must be a plain number"),
+        ({}, {"times": "name"}, "times name needs files, got arrays"),
+        ({}, {"frames": "0:9:0"}, "frames must be FIRST:LAST:STEP"),
+        ({"length_unit": "mm"}, {}, "dimensionless contradicts the files"),
     ],
 )
 def test_wrong_input_is_refused(

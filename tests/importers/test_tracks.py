@@ -78,8 +78,6 @@ def test_no_track_is_mixed_with_its_neighbor() -> None:
 
 def test_wrong_tracks_are_refused() -> None:
     frame = np.zeros(4)
-    with pytest.raises(DataFileError, match="one position in every frame, got two"):
-        velocities(frame, frame, frame, frame, frame, None, 5)
     for window in (1, 4):
         with pytest.raises(DataFileError, match="track_window must be odd and at least 3"):
             velocities(frame, frame, frame, frame, np.arange(4.0), None, window)
@@ -186,5 +184,5 @@ def test_damaged_hdf5_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataFileError, match="holds no tables of pandas"):
         read_vectors(path, format="tracks")
     path.write_bytes(path.read_bytes()[:600])
-    with pytest.raises(DataFileError, match="cannot be read as HDF5"):
+    with pytest.raises(DataFileError, match="the file is damaged or was cut off"):
         read_vectors(path, format="tracks")

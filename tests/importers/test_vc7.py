@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,6 @@ import pytest
 
 from granpinn.importers import DataFileError, Validity, read_vectors
 from granpinn.importers import davis as davis_reader
-from granpinn.importers.foreign_process import read_davis
 
 
 def test_vc7_without_lvpyio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,6 +60,16 @@ def frame(choice: Any, y_unit: str = "mm", **others: Any) -> Any:
     )
 
 
+def use(library: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reads with a library instead of lvpyio, in this process."""
+    monkeypatch.setitem(sys.modules, "lvpyio", library)
+    reader = import_module("granpinn.foreign.davis")
+    monkeypatch.setattr(reader, "lvpyio", library)
+    answer = SimpleNamespace(keep=lambda values: values)
+    monkeypatch.setattr(davis_reader, "installed", lambda name: True)
+    monkeypatch.setattr(davis_reader, "read_file", lambda _, path, size: reader.read(path, answer))
+
+
 def test_vc7_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Choice 4 is filled in, unless all vectors are: then the field was smoothed."""
     from types import SimpleNamespace as Space
@@ -70,10 +81,7 @@ def test_vc7_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path.write_bytes(bytes(64))
     frames = iter([frame(filled, **given), frame(np.full((2, 3), 4))])
     library = Space(read_buffer=lambda name: [next(frames)])
-    monkeypatch.setattr(davis_reader, "installed", lambda name: True)
-    monkeypatch.setattr(
-        davis_reader, "read_isolated", lambda *_: read_davis(library, {"path": str(path)})
-    )
+    use(library, monkeypatch)
     fields = read_vectors(path)
     V, M, N, I = Validity.VALID, Validity.MASKED, Validity.INVALID, Validity.INTERPOLATED
     np.testing.assert_array_equal(fields.validity[0], [[V, V, M], [V, I, N]])
@@ -98,10 +106,7 @@ def vc7(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def read(*buffers: list[Any]) -> Any:
         library = Space(read_set=lambda name: nullcontext(buffers))
-        monkeypatch.setattr(davis_reader, "installed", lambda name: True)
-        monkeypatch.setattr(
-            davis_reader, "read_isolated", lambda *_: read_davis(library, {"path": str(path)})
-        )
+        use(library, monkeypatch)
         return read_vectors(path)
 
     return read

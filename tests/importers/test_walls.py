@@ -34,7 +34,7 @@ BROKEN = {
     "twice": ("x,y,x\n1,2,3\n", "must have one column for x, got x, x"),
     "short rows": ("x,y,u,v\n1,2,3\n2,3,4\n", "line 2: expected 4 cells as above, got 3"),
     "infinite": ("x,y\n1,2\n3,inf\n", "must have a finite y of at most"),
-    "a unit of time": ("x [s],y\n1,2\n3,4\n", "x must be without a unit with --dimensionless"),
+    "a unit of time": ("x [s],y\n1,2\n3,4\n", "x must be without a unit with dimensionless"),
 }
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, Surface
+from granpinn.data.scaling import initial_height
 from granpinn.estimates.body import body_of
 from granpinn.inspection import Inspection, about, digits, quick
 from granpinn.inspection.gravity import energy_of, fall_of, slender
@@ -198,6 +199,14 @@ def test_sizes_of_flows_of_few_grains() -> None:
     assert slips("statements", make_flow(length_unit="1", gravity=(0.0, -1e4))) == []
 
 
+def test_a_wrong_scale_is_named_before_a_tilt() -> None:
+    """A scale that is 9 % too large makes the fall faster; a tilt does not."""
+    (both,) = words(falling(1.09, 4.0))
+    assert both.index("the scale is about 9% too large") < both.index("--tilt")
+    (turned,) = words(falling(1.0, 4.0))
+    assert "scale" not in turned
+
+
 def test_speeds() -> None:
     record = quick(make_flow())["gravity"]
     for factor, severity in ((1.4, None), (1.6, "improbable"), (6.0, "impossible")):
@@ -214,12 +223,18 @@ def test_speeds() -> None:
 
 
 def test_inertial_numbers_of_a_gas() -> None:
-    def slips_of(median: float) -> list[Reason]:
-        numbers = InertialRange(0.0, median, 1.0, 1.0, None, None, 0.0, 1.0, 0.5, ())
-        return numbers.reasons(Inspection(make_flow()))
+    flow = make_flow()
+
+    def slips_of(median: float, flow: Flow = flow) -> list[Reason]:
+        numbers = InertialRange(0.0, median, 1.0, 3.0, None, None, 0.0, 1.0, 0.5, ())
+        return numbers.reasons(Inspection(flow))
 
     assert slips_of(0.5) == []
     assert "the inertial number is 3 (median)" in slips_of(3.0)[0].sentence
+    few = replace(flow, grain_diameter=initial_height(flow) / 6)
+    (slip,) = slips_of(0.5, few)
+    assert slip.grade == "improbable"
+    assert "6 diameters high, and the inertial number reaches 3" in slip.sentence
 
 
 def test_factors_in_words() -> None:

@@ -29,20 +29,23 @@ def vectors(flow: Flow) -> dict[str, Any]:
     return arrays | units | {"mask": flow.c < 1, "y_down": False}
 
 
-@pytest.mark.parametrize(("scale", "severity"), [(1.0, None), (10.0, "impossible")])
-def test_convert_warns(
-    scale: float, severity: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("scale", "flags", "code"), [(1.0, (), 0), (10.0, (), 2), (10.0, ("--force",), 0)]
+)
+def test_convert_refuses_what_is_impossible(
+    scale: float, flags: tuple[str, ...], code: int, tmp_path: Path, capsys: Any
 ) -> None:
     data, out = tmp_path / "vectors.npz", tmp_path / "flow.h5"
     np.savez(data, **vectors(falling(noise=0.01)))
     calibration = ("--scale", f"{scale} mm/px", "--frame-rate", "100 Hz", "--surface", "none")
-    assert convert.main([str(data), "--out", str(out), *calibration, *GRAINS]) == 0
+    assert convert.main([str(data), "--out", str(out), *calibration, *GRAINS, *flags]) == code
     printed, warned = capsys.readouterr()
-    assert out.exists()
-    verb = "train" if severity is None else "inspect"
-    assert f"next: granpinn {verb} {out}" in printed
-    found = [line for line in warned.splitlines() if "gravity" in line]
-    assert len(found) == (severity is not None)
+    assert out.exists() == (code == 0)
+    verb = "train" if scale == 1 else "inspect"
+    assert (f"next: granpinn {verb} {out}" in printed) == (code == 0)
+    assert ("give --force to write it" in warned) == (code == 2)
+    found = [line for line in warned.splitlines() if "times the gravity" in line]
+    assert len(found) == (scale != 1)
     for line in found:
         assert line.startswith("warning: impossible: the top of the grains falls with 10 times")
 

@@ -7,6 +7,7 @@ import pytest
 
 from granpinn.data import Flow, add_noise
 from granpinn.data.noise import max_speed
+from granpinn.data.scaling import initial_height
 from granpinn.inspection import MOST_LINES, AssumedLaw, Inspection, inspect
 from granpinn.inspection.precision import expected_precision
 from granpinn.inspection.shear import LARGE_DIVERGENCE, PIV_DIVERGENCE
@@ -275,3 +276,11 @@ def test_one_inertial_number_determines_no_law(inspected: Inspection) -> None:
     text = said(inspect(chute(frames=12, columns=20)))
     assert "mu_s and mu_2 not determined: the grains shear at I = 0." in text
     assert "not determined" not in said(inspected)
+
+
+def test_grains_that_are_far_too_large(demo: Flow) -> None:
+    """Six diameters in the height and I above 1: said first, and no precision is promised."""
+    found = inspect(replace(demo, grain_diameter=initial_height(demo) / 6))
+    assert found.slips[0].grade == "improbable"
+    assert "check the grain diameter" in found.slips[0].sentence
+    assert "is not to be used" in found.answer

@@ -242,7 +242,7 @@ DAMAGE = {
     "no unit": (change_attribute("length_unit", None), "length_unit"),
     "unit is not UTF-8": (
         change_attribute("time_unit", np.bytes_(b"\xff")),
-        "time_unit must be text",
+        "time_unit must be one text, got text that is not UTF-8",
     ),
     "no scale": (change_attribute("time_scale", None), "time_scale"),
     "scale is text": (change_attribute("pressure_scale", "high"), "pressure_scale must be a num"),

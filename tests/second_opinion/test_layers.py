@@ -139,7 +139,16 @@ def test_the_command_has_both_opinions(
 ) -> None:
     figures()
     write_flow(flow, tmp_path / "chute.h5")
-    flags = ["--steps", "60", "--log-every", "20", "--network.widths", "8,8", "--resimulate"]
+    flags = [
+        "--steps",
+        "60",
+        "--log-every",
+        "20",
+        "--network.widths",
+        "8,8",
+        "--resimulate",
+        "--verbose",
+    ]
     assert train.main([str(tmp_path / "chute.h5"), "--out", str(tmp_path / "run"), *flags]) == 0
     printed = capsys.readouterr()
     assert "simulated again with this law: velocity off by" in printed.out

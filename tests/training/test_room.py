@@ -76,11 +76,11 @@ def test_the_estimate_is_within_a_factor_of_2_of_the_peak(what: str, tmp_path: P
     ("settings", "expected"),
     [
         ({"network__widths": (20000, 20000)}, r"needs about .* GB of memory \(networks 1\d\d, .*"),
-        ({"batch__interior": 2**31}, r"batches 120, .* choose a smaller --batch.interior"),
-        ({"members": 1024, "network__widths": (900, 900, 9)}, r"fewer --members, or use a larger"),
+        ({"batch__interior": 2**31}, r"batches 120, .* choose a smaller batch.interior"),
+        ({"members": 1024, "network__widths": (900, 900, 9)}, r"fewer members, or use a larger"),
         (
             {"batch__collocation": 100.0, "dtype": "float64"},
-            r"smaller --batch.collocation or fewer",
+            r"smaller batch.collocation or fewer",
         ),
     ],
     ids=["network", "batches", "members", "points"],

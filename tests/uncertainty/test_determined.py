@@ -73,7 +73,7 @@ def test_the_same_words_everywhere(tmp_path: Path) -> None:
     assert made.theta == result.theta  # nothing is lost
     assert made.determined is not None
     assert made.determined.raw_interval_90 == {"mu_s": (0.39, 0.43)}
-    lines = str(made).splitlines()
+    lines = made.summary().splitlines()
     assert "not determined" in lines[1]
     assert "0.4100" not in lines[1]
     assert any(line.startswith("mu_s and mu_2 not determined: ") for line in lines)

@@ -16,7 +16,7 @@ ALLOWED = {"ok", "refused", "could not go on", "input not made"}
 MEMORY_FACTOR = 3  # gate F-4
 LEAST_MEMORY = 48 * 2**20  # bytes: below it, modules that are imported late count more than data
 BAIT = "outside.fifo"
-READER = "/granpinn/importers/foreign_process.py'"
+READER = "granpinn.foreign.program"
 SYSTEM = (
     *("/proc/", "/sys/", "/usr/", "/lib", "/etc/", "/dev/null", "/dev/urandom", "/var/lib/"),
     *("/var/cache/fontconfig", "/dev/tty"),
@@ -67,7 +67,7 @@ def by_code(found: Outcome, command: str) -> str:
 def started(found: Outcome, valid: Outcome | None) -> set[str]:
     """What a command started, without what it starts for the valid file too.
 
-    zarr makes a pair of sockets for its event loop. VTK and lvpyio read in a process of ours.
+    A process of ours opens the files; a pair of sockets connects it with the command.
     """
     known = {line.split()[0] for line in valid.started} if valid is not None else {"socket.__new__"}
     foreign = {line for line in found.started if line.split()[0] not in known}

@@ -200,7 +200,7 @@ def points(
     columns = {name: stored(values, store) for name, values in columns.items()}
     named, settings = settings_of(units, time, said)
     settings |= physical.SETTINGS | ({"start": "1 ms"} if time == "frame" else {})
-    settings |= {"tilt": tilt} if tilt else {}
+    settings |= {"surface": "none"} | ({"tilt": tilt} if tilt else {})
     call = held(folder, holder, columns | named | {"y_down": not up}, settings)
     if call is None:
         return None

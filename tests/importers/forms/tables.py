@@ -17,6 +17,8 @@ from tests.importers.forms import physical
 from tests.importers.forms.form import TEXT, Family, Given, odd, plain
 from tests.importers.forms.texts import METERS, MIXED, PIXELS, given, style, styles, view
 
+# A few grains far apart show no free surface.
+UP = {up: {"flip_y": flip, "surface": "none"} for up, flip in ((True, "no"), (False, "yes"))}
 N_FRAMES, EP = 7, 1e-4
 DIFFERENCE = 100 * TEXT  # a velocity is a small difference of positions
 NAMES: dict[str, dict[str, str]] = {
@@ -81,7 +83,7 @@ def velocities(
         more = {name: np.nan if name in ("u", "v") else a[0] for name, a in columns.items()}
         columns = {name: np.append(a, more[name]) for name, a in columns.items()}
     write(folder / "a.csv", columns, named, names, brackets, order=order, **style(dialect))
-    settings = {"flip_y": "no" if up else "yes"} | ({"start": "1 ms"} if time == "frame" else {})
+    settings = UP[up] | ({"start": "1 ms"} if time == "frame" else {})
     if not brackets:
         settings |= {"length_unit": seen.x, "velocity_unit": seen.u}
         settings |= {} if time == "frame" else {"time_unit": time}
@@ -103,7 +105,7 @@ def linked(
     seen = view(f"{units} m/s m/s", up)
     if holder == "HDF5" and (units != "px px" or time != "frame" or up or ep in ("m", "mm")):
         return None
-    settings = {"flip_y": "no" if up else "yes"} | ({"start": "1 ms"} if time == "frame" else {})
+    settings = UP[up] | ({"start": "1 ms"} if time == "frame" else {})
     if not up:  # the lowest grain has moved
         settings["origin"] = ",".join(scene.text(seen.axes()[0][0], seen.axes()[1][-1]))
     positions, particles = tracks()

@@ -1,0 +1,136 @@
+"""Data sets of netCDF and zarr, by xarray: version 3 with scipy, version 4, HDF5, with h5py."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import xarray
+
+from granpinn.arrays import plain_array
+from granpinn.foreign import hdf5
+from granpinn.foreign.program import Answer
+from granpinn.regular import UnsafeFileError, read_regular_file
+
+LIBRARY = "xarray"
+# Attributes that change the meaning of the numbers, and the unit.
+DECODED = ("_FillValue", "missing_value", "scale_factor", "add_offset", "_Unsigned", "dtype")
+CODECS = ("bytes", "crc32c", "shuffle", "blosc", "gzip", "zlib", "zstd", "lz4")
+TYPES = re.compile(r"[<>|][fiub][1248]|bool|u?int(8|16|32|64)|float(16|32|64)")
+MAX_METADATA = 2**20
+_NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable."
+
+
+def read(path: Path, answer: Answer, names: list[str]) -> dict[str, Any]:
+    """Variables of these names that exist, as `variables_of` gives them, and the attribute
+    `delta_t` as text."""
+    with _opened(path, answer, names) as data:
+        answer.require(sum(8 * data[name].size for name in names if name in data.variables))
+        variables = variables_of(data, names)
+        for variable in variables.values():
+            variable["values"] = answer.keep(variable["values"])
+        return {"variables": variables, "delta_t": str(data.attrs.get("delta_t", ""))}
+
+
+def variables_of(data: xarray.Dataset, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """`values` in float64, `dims` and `unit` of each variable of these names, with the numbers that
+    its attributes mean, such as scale_factor.
+
+    Raises:
+        UnsafeFileError: attributes contradict each other.
+        BadInput: an array holds no numbers.
+    """
+    try:
+        data = xarray.decode_cf(data, decode_times=False)
+    except (ValueError, TypeError) as error:
+        raise UnsafeFileError(f"the attributes of the data set contradict it: {error}") from None
+    variables = {name: data[name].variable for name in names if name in data.variables}
+    return {
+        name: {
+            "dims": [str(dim) for dim in variable.dims],
+            "unit": str(variable.attrs.get("units", "")),
+            "values": plain_array(variable.data, name).astype(np.float64),
+        }
+        for name, variable in variables.items()
+    }
+
+
+def _opened(path: Path, answer: Answer, names: list[str]) -> Any:
+    if path.is_dir():
+        answer.require(sum(map(_declared_bytes, _documents(path))))
+        return xarray.open_zarr(path, decode_times=False, chunks=None, consolidated=False)
+    if not h5py.is_hdf5(path):
+        return xarray.open_dataset(path, engine="scipy", decode_times=False)
+    with hdf5.opened(path) as file:
+        datasets = {name: hdf5.dataset_of(file, name) for name in names}
+        stored = {n: d for n, d in datasets.items() if d is not None and not _is_empty(d)}
+        answer.require(sum(8 * dataset.size for dataset in stored.values()))
+        variables = {name: _variable(name, dataset) for name, dataset in stored.items()}
+        return xarray.Dataset(variables, attrs=_attributes(file, ("delta_t",)))
+
+
+def _variable(name: str, dataset: h5py.Dataset) -> xarray.Variable:
+    """A variable of netCDF-4: scales, which are datasets, name its dimensions."""
+    if dataset.is_scale and dataset.ndim == 1:
+        dims = [name]
+    else:
+        dims = [dim[0].name.rpartition("/")[2] for dim in dataset.dims if len(dim)]
+    if len(dims) != dataset.ndim:
+        raise UnsafeFileError(
+            f"{name} must have a dimension for each of its {dataset.ndim} axes, got {len(dims)}: "
+            "write it with xarray"
+        )
+    return xarray.Variable(
+        dims, hdf5.values(name, dataset), _attributes(dataset, (*DECODED, "units"))
+    )
+
+
+def _is_empty(dataset: h5py.Dataset) -> bool:
+    """Whether a dataset stands for an axis without coordinates, and holds no numbers."""
+    return bytes(dataset.attrs.get("NAME", b"")).startswith(_NO_VARIABLE)
+
+
+def _attributes(item: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    found = {name: item.attrs[name] for name in names if name in item.attrs}
+    single = {name: np.ravel(value)[0] for name, value in found.items() if np.size(value) == 1}
+    return found | single
+
+
+def _documents(folder: Path) -> Iterator[Path]:
+    """Metadata of all arrays of a zarr folder."""
+    for name in (".zarray", "zarr.json"):
+        yield from folder.rglob(name)
+
+
+def _declared_bytes(path: Path) -> int:
+    """Size of an array as float64, from its metadata.
+
+    Raises:
+        UnsafeFileError: its codecs or its type could run foreign code, such as pickle or objects.
+    """
+    document = json.loads(read_regular_file(path, MAX_METADATA))
+    second = path.name == ".zarray"
+    codecs = [*(document.get("filters") or []), *(document.get("codecs") or [])]
+    codecs += [document["compressor"]] if document.get("compressor") else []
+    for codec in codecs:
+        name = codec.get("id" if second else "name") if isinstance(codec, dict) else codec
+        if name not in CODECS:
+            raise UnsafeFileError(
+                f"codecs must be among {', '.join(CODECS)}, got {str(name)[:40]!r}: another codec "
+                "can run foreign code; write it again with one of these"
+            )
+    if not second and document.get("node_type") == "group":
+        return 0
+    kind = document.get("dtype" if second else "data_type")
+    if not isinstance(kind, str) or not TYPES.fullmatch(kind):
+        raise UnsafeFileError(
+            f"the type of {path.parent.name} must be a number type such as float64, got "
+            f"{str(kind)[:40]!r}: objects could run foreign code; write it again with plain numbers"
+        )
+    return 8 * int(math.prod(document.get("shape", [])))

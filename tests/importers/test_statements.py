@@ -1,0 +1,192 @@
+"""A quantity that is stated twice must agree, or the conversion stops with both statements."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granpinn.convert import main
+from granpinn.data import FlowFileWarning
+from granpinn.importers import DataFileError, read
+from tests.importers import scene
+
+MATERIAL = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
+Y, X = np.meshgrid(16.0 + 16 * np.arange(6), 16.0 + 16 * np.arange(8), indexing="ij")
+
+
+def pivlab(
+    folder: Path,
+    pairs: list[tuple[int, int]],
+    *,
+    xy: float = 1.0,
+    uv: float | list[float] = 1.0,
+) -> list[Path]:
+    """Files of pairs of images, whose grains move by 1 px along x from image to image."""
+    factors = [uv] * len(pairs) if isinstance(uv, float) else uv
+    unit = ("px", "px/frame") if xy == 1 else ("m", "m/s")
+    files = []
+    for k, ((a, b), factor) in enumerate(zip(pairs, factors, strict=True)):
+        head = (
+            f"FRAME: {k + 1}, filenames: A: s {a:03}.tif & B: s {b:03}.tif, conversion factor xy "
+            f"(px -> m): {xy}, conversion factor uv (px/frame -> m/s): {factor}"
+        )
+        names = f"x [{unit[0]}],y [{unit[0]}],u [{unit[1]}],v [{unit[1]}],Vector type [-]"
+        rows = [
+            f"{xy * x:.9g},{xy * y:.9g},{(b - a) * factor},{0.01 * (b - a) * factor * y},1"
+            for x, y in zip(X.T.ravel(), Y.T.ravel(), strict=True)
+        ]
+        files.append(scene.write_lines(folder / f"p{k}.txt", ["PIVlab, ASCII", head, names, *rows]))
+    return files
+
+
+FILM = [(k, k + 1) for k in range(1, 5)]
+
+
+def flow_of(source: Any, **settings: Any) -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FlowFileWarning)
+        return read(source, surface="none", **MATERIAL, **settings)
+
+
+CONTRADICTIONS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
+    "1 s and 500 Hz": (
+        {"xy": 1e-4, "uv": 1e-4},
+        {"frame_rate": "500 Hz"},
+        r"header says 1 s \(exactly 1, so probably never set\), frame_rate \(you\) says 2 ms: "
+        'give pulse_delay "1 s" for double frames',
+    ),
+    "2 ms and 50 Hz": (
+        {"xy": 1e-4, "uv": 0.05},
+        {"frame_rate": "50 Hz"},
+        r"header says 2 ms, frame_rate \(you\) says 20 ms",
+    ),
+    "two delays": (
+        {"xy": 1e-4, "uv": 0.05},
+        {"frame_rate": "500 Hz", "pulse_delay": "1 ms"},
+        r"header says 2 ms, pulse_delay \(you\) says 1 ms",
+    ),
+    "two scales": (
+        {"xy": 1e-4, "uv": 0.05},
+        {"frame_rate": "500 Hz", "scale": "0.12 mm/px"},
+        "the header says 100 µm/pixel, scale says 0.12 mm/px: leave scale out",
+    ),
+    "factors change": (
+        {"xy": 1e-4, "uv": [0.05, 0.05, 0.06, 0.05]},
+        {"frame_rate": "500 Hz"},
+        "p0.txt says 0.05 m/s per px/frame, p2.txt says 0.06",
+    ),
+    "two units": (
+        {"xy": 1e-4, "uv": 0.05},
+        {"frame_rate": "500 Hz", "length_unit": "mm"},
+        "the length unit is stated twice: the file says m, length_unit says mm",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CONTRADICTIONS)
+def test_contradictions_stop_with_both_values(tmp_path: Path, name: str) -> None:
+    written, settings, message = CONTRADICTIONS[name]
+    files = pivlab(tmp_path, FILM, **written)
+    with pytest.raises(DataFileError, match=message):
+        flow_of(files, **settings)
+
+
+SETTLED: dict[str, tuple[dict[str, Any], dict[str, Any], float]] = {
+    "equal": ({"xy": 1e-4, "uv": 0.05}, {"frame_rate": "500 Hz", "scale": "0.1 mm/px"}, 0.05),
+    "within 2 %": ({"xy": 1e-4, "uv": 0.05}, {"frame_rate": "495 Hz"}, 0.05),
+    "double frames": (
+        {"xy": 1e-4, "uv": 0.05},
+        {"frame_rate": "50 Hz", "pulse_delay": "2 ms"},
+        0.05,
+    ),
+    "never set": (
+        {"xy": 1e-4, "uv": 1e-4},
+        {"frame_rate": "500 Hz", "velocity_unit": "m/frame"},
+        0.05,
+    ),
+    "forced time": ({"xy": 1e-4, "uv": 1e-4}, {"frame_rate": "500 Hz", "force": True}, 0.05),
+    "forced scale": (
+        {"xy": 1e-4, "uv": 0.05},
+        {"frame_rate": "500 Hz", "scale": "0.2 mm/px", "force": True},
+        0.1,
+    ),
+    "not calibrated": ({}, {"frame_rate": "500 Hz", "scale": "0.1 mm/px"}, 0.05),
+}
+
+
+@pytest.mark.parametrize("name", SETTLED)
+def test_what_agrees_or_is_settled_is_read(tmp_path: Path, name: str) -> None:
+    written, settings, u = SETTLED[name]
+    flow = flow_of(pivlab(tmp_path, FILM, **written), **settings)
+    np.testing.assert_allclose(flow.u, u, rtol=1e-6)
+    spacing = 16 * (2e-4 if "scale" in settings and settings.get("force") else 1e-4)
+    np.testing.assert_allclose(np.diff(flow.x), spacing, rtol=1e-6)
+
+
+PAIRS = {
+    "2 apart": [(1, 3), (2, 4), (3, 5)],
+    "3 apart, no image twice": [(1, 4), (5, 8), (9, 12)],
+    "of several lengths": [(1, 2), (2, 4), (3, 4), (4, 7)],
+    "a lost pair": [(1, 2), (2, 3), (4, 5), (5, 6)],
+}
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_every_pair_has_its_own_time(tmp_path: Path, name: str) -> None:
+    """All grains move by 1 px from image to image, 0.1 mm in 2 ms."""
+    pairs = PAIRS[name]
+    step = 4 if "no image" in name else 1
+    flow = flow_of(pivlab(tmp_path, pairs), scale="0.1 mm/px", frame_rate=f"{500 / step} Hz")
+    np.testing.assert_allclose(flow.u, 0.05, rtol=1e-6)
+    middle = np.sum(pairs, axis=1) / 2
+    np.testing.assert_allclose(flow.t - flow.t[0], (middle - middle[0]) * 2e-3, atol=1e-9)
+
+
+def test_pairs_of_several_lengths_have_no_common_factor(tmp_path: Path) -> None:
+    files = pivlab(tmp_path, PAIRS["of several lengths"], xy=1e-4, uv=0.05)
+    with pytest.raises(DataFileError, match=r"p1.txt has images that are 2 apart, and those of"):
+        flow_of(files, frame_rate="500 Hz")
+
+
+def test_names_of_images_contradict_a_delay(tmp_path: Path) -> None:
+    files = pivlab(tmp_path, PAIRS["2 apart"])
+    with pytest.raises(DataFileError, match="numbering of the images says 4 ms, pulse"):
+        flow_of(files, scale="0.1 mm/px", frame_rate="500 Hz", pulse_delay="2 ms")
+
+
+def arrays(**units: Any) -> dict[str, Any]:
+    shape = (4, *X.shape)
+    vectors = {"t": 0.01 * np.arange(4), "y": Y[:, 0], "x": X[0]}
+    vectors |= {"u": np.full(shape, 2.0), "v": np.broadcast_to(Y, shape), "y_down": False}
+    return vectors | {"length_unit": "mm", "time_unit": "s", "velocity_unit": "mm/s"} | units
+
+
+def test_other_formats_follow_the_same_rule() -> None:
+    with pytest.raises(DataFileError, match="the file says 10 ms, frame_rate says 2 ms"):
+        flow_of(arrays(), frame_rate="500 Hz")
+    flow_of(arrays(), frame_rate="100 Hz")
+    with pytest.raises(DataFileError, match="velocity unit is stated twice"):
+        flow_of(arrays(), velocity_unit="m/s")
+    with pytest.warns(FlowFileWarning, match="--scale 0.1 mm/px changes nothing"):
+        read(arrays(), scale="0.1 mm/px", surface="none", **MATERIAL)
+
+
+def test_the_command_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = pivlab(tmp_path, FILM, xy=1e-4, uv=1e-4)
+    out = tmp_path / "flow.h5"
+    flags = [
+        "--grain-diameter",
+        "2 mm",
+        "--grain-density",
+        "2500 kg/m^3",
+        "--solid-fraction",
+        "0.6",
+    ]
+    given = [*map(str, files), "--out", str(out), "--frame-rate", "500 Hz", *flags]
+    assert main(given) == 2
+    assert "is stated twice: the header says 1 s" in capsys.readouterr().err
+    assert not out.exists()

@@ -1,0 +1,226 @@
+"""Tables as trackpy, pandas, R, spreadsheets, TrackMate, TracTrac and opyf write them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from granpinn.importers import DataFileError, read, read_vectors
+from granpinn.importers.formats import detect
+from granpinn.importers.opyf import read_depths
+from tests.importers import scene
+
+MATERIAL = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
+FRAMES, GRAINS = 7, 40
+
+
+def rows() -> Any:
+    """frame, particle, x, y, u, v of grains in a shear flow [n, 6], in pixels and frames."""
+    frame, particle = np.meshgrid(np.arange(FRAMES), np.arange(GRAINS), indexing="ij")
+    x0, y0 = np.random.default_rng(1).uniform(10, 200, (2, GRAINS))
+    u, v = 0.01 * y0 + 0.2, 0.02 * x0 + 0.1
+    parts = (frame, particle, x0 + frame * u, y0 + frame * v, u + 0 * frame, v + 0 * frame)
+    return np.stack([np.ravel(part) for part in parts], axis=1).astype(float)
+
+
+def table(
+    names: str = "frame,particle,x,y",
+    order: str = "fpxy",
+    separator: str = ",",
+    sign: str = ".",
+    above: tuple[str, ...] = (),
+) -> str:
+    """A table as text; i in the order is a number of the row."""
+    parts = dict(zip("fpxyuv", rows().T, strict=True))
+    parts |= {"i": np.arange(len(rows())), "e": np.full(len(rows()), np.nan)}
+    lines = [
+        separator.join("" if np.isnan(parts[key][k]) else f"{parts[key][k]:.9g}" for key in order)
+        for k in range(len(rows()))
+    ]
+    body = "\n".join(lines).replace(".", sign) if sign == "," else "\n".join(lines)
+    return "\n".join([*above, names.replace(",", separator), body, ""])
+
+
+TRACKMATE = (
+    "LABEL,TRACK_ID,POSITION_X,POSITION_Y,FRAME,ID",
+    "Label,Track ID,X,Y,Frame,Spot ID",
+    "Label,Track ID,X,Y,Frame,Spot ID",
+)
+DIALECTS: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "semicolons": (table(separator=";", sign=","), "utf-8", {}),
+    "pandas with tabs": (
+        table(",y,x,ep,frame,particle", "iyxefp", "\t", ","),
+        "utf-8",
+        {},
+    ),
+    "R, row names without a name": (table("frame particle x y", "ifpxy", " "), "utf-8", {}),
+    "comments above": (table(above=("# made by hand", "# frame rate, x, 500")), "utf-8", {}),
+    "a title above": (table(above=("Tracks of film 3", "")), "utf-8", {}),
+    "UTF-16": (table(separator="\t"), "utf-16", {}),
+    "UTF-16 without a mark": (table(separator="\t"), "utf-16-le", {}),
+    "Latin-1": (table(above=("# gr\u00f6\u00dfe",)), "latin-1", {}),
+    "units in names": (table("frame,particle,x_px,y_px"), "utf-8", {}),
+    "TrackMate": (
+        table(",,(pixel),(pixel),,", "ppxyfi", above=TRACKMATE),
+        "utf-8",
+        {},
+    ),
+    "own names": (
+        table("Bild,Korn,rechts,oben"),
+        "utf-8",
+        {"columns": "frame=Bild,particle=Korn,x=rechts,y=oben"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_tables_of_all_dialects_are_one_flow(tmp_path: Path, name: str) -> None:
+    text, encoding, settings = DIALECTS[name]
+    path = tmp_path / "a.csv"
+    path.write_bytes(text.encode(encoding))
+    settings = {"length_unit": "px", **settings}
+    flow = read(
+        path, scale="1 mm/px", frame_rate="10 Hz", flip_y="no", surface="none",
+        **MATERIAL, **settings,
+    )  # fmt: skip
+    assert flow.particles is not None
+    found = np.lexsort((flow.particles.x, flow.particles.t))
+    expected = rows()[np.lexsort((rows()[:, 2], rows()[:, 0]))]
+    np.testing.assert_allclose(flow.particles.u[found], 0.01 * expected[:, 4], rtol=1e-5)
+    np.testing.assert_allclose(flow.particles.x[found], 1e-3 * expected[:, 2], rtol=1e-5)
+
+
+REFUSED = {
+    "a comma in numbers": ("frame,particle,x,y\n1,1,2,5,3,5\n", "a comma both between columns"),
+    "a short row": ("frame,particle,x,y\n1,1,2,5\n1,2,3\n", "line 3: .* it was cut off here"),
+    "no column": ("# a\nframe,particle,x,z\n1,1,2,5\n", "must have the columns y, got frame, part"),
+    "a line of text": (
+        "frame,particle,x,y\nend,of,the,run\n1,1,2,5\n",
+        "got '(end|of|the|run)' in column",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_refusal_names_the_cause(tmp_path: Path, name: str) -> None:
+    text, message = REFUSED[name]
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(DataFileError, match=message):
+        read_vectors(tmp_path / "a.csv", "tracks")
+
+
+def test_rows_of_one_particle_and_frame(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(table() + "3,7,1000,1000\n")
+    with pytest.raises(DataFileError, match="got particle 7 more than once at frame 3, and 1 such"):
+        read_vectors(path)
+    kept = read_vectors(path, options={"drop_duplicates": True})
+    assert kept.u.size == len(rows())
+    assert kept.x.max() < 500
+
+
+def test_zeros_may_be_missing() -> None:
+    grid = np.ones((3, 4, 5))
+    grid[:, 1, 1] = 0
+    arrays = {"t": [0, 1, 2], "y": range(4), "x": range(5), "u": grid, "v": grid, "y_down": False}
+    flow = read(
+        arrays | {"mask": grid < 0},
+        zeros="missing",
+        dimensionless=True,
+        grain_diameter="0.1",
+        surface="none",
+    )
+    assert np.isnan(flow.u[:, 1, 1]).all()
+    with pytest.raises(DataFileError, match="zeros must be measured or missing"):
+        read(arrays, zeros="no", dimensionless=True, grain_diameter="0.1")
+
+
+def tractrac_text(folder: Path) -> Path:
+    above = ("# TracTrac v3.0", "#  Parameters: {'vid_loop': 2}")
+    names = "#  Frame ID x y Vx Vy Vx(prediction) Vy(prediction)"
+    (folder / "a.txt").write_text(table(names, "fpxyuvuv", " ", above=above))
+    return folder / "a.txt"
+
+
+def tractrac_hdf5(folder: Path) -> Path:
+    frame, particle, x, y, u, v = rows().T
+    with h5py.File(folder / "a.hdf5", "w") as file:
+        file["Frame"] = frame.astype(np.uint16)
+        file["Id"] = (particle % 8).astype(np.uint16)  # wraps
+        file["x"], file["u"] = np.stack([x, y], 1), np.stack([u, v], 1)
+    return folder / "a.hdf5"
+
+
+def opyf_csv(folder: Path) -> list[Path]:
+    for k in range(FRAMES):
+        now = rows()[rows()[:, 0] == k]
+        lines = ["N,X,Y,Ux,Uy", *(f"{i},{x},{y},{u},{v}" for _, i, x, y, u, v in now)]
+        scene.write_lines(folder / f"{k:04}.csv", lines)
+    return sorted(folder.glob("*.csv"))
+
+
+def opyf_hdf5(folder: Path) -> Path:
+    with h5py.File(folder / "scattered.hdf5", "w") as file:
+        file["time"] = np.arange(float(FRAMES)) * 2  # "10.0" sorts before "2.0"
+        for k in range(FRAMES):
+            now = rows()[rows()[:, 0] == k]
+            file[f"coordinates/{2.0 * k}"] = now[:, 2:4]
+            file[f"velocities/{2.0 * k}"] = now[:, 4:]
+    return folder / "scattered.hdf5"
+
+
+PROGRAMS = {
+    "TracTrac text": (tractrac_text, "px", "px/frame", 1),
+    "TracTrac HDF5": (tractrac_hdf5, "px", "px/frame", 1),
+    "opyf CSV": (opyf_csv, "px", "px/frame", 1),
+    "opyf HDF5": (opyf_hdf5, None, None, 2),
+}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_velocities_of_programs_are_taken_as_measured(tmp_path: Path, name: str) -> None:
+    write, length, velocity, step = PROGRAMS[name]
+    fields = read_vectors(write(tmp_path))
+    assert (fields.length_unit, fields.velocity_unit) == (length, velocity)
+    found, expected = (np.lexsort(a) for a in ((fields.u, fields.t), (rows()[:, 4], rows()[:, 0])))
+    np.testing.assert_allclose(fields.t[found], step * rows()[expected, 0])
+    for values, k in ((fields.x, 2), (fields.y, 3), (fields.u, 4), (fields.v, 5)):
+        np.testing.assert_allclose(values[found], rows()[expected, k], rtol=1e-7)
+
+
+def test_opyf_on_a_grid_with_depths(tmp_path: Path) -> None:
+    """Y from the top, zeros are no vectors, and the depths are the free surface."""
+    t, x, y = 0.01 * np.arange(4), np.linspace(0, 1, 12), np.linspace(0.5, 0, 6)
+    depth = 0.35 - 0.02 * x + 2 * t[:, None]
+    there = y[None, :, None] <= depth[:, None]
+    with h5py.File(tmp_path / "grid.hdf5", "w") as file:
+        file["coordinates/T"], file["coordinates/X"], file["coordinates/Y"] = t, x, y
+        file["variables/Ux"] = np.where(there, 0.1 + y[:, None] * x, 0)
+        file["variables/Uy"] = np.where(there, -0.2 * y[:, None] + 0 * x, 0)
+    with h5py.File(tmp_path / "depths.hdf5", "w") as file:
+        file["coordinates/time"], file["coordinates/x"], file["variables/depth"] = t, x, depth
+    units = {"length_unit": "m", "velocity_unit": "m/s", "time_unit": "s"}
+    surface = str(tmp_path / "depths.hdf5")
+    assert detect(tmp_path / "grid.hdf5") == "opyf"
+    flow = read(tmp_path / "grid.hdf5", surface=surface, **units, **MATERIAL)
+    np.testing.assert_array_equal(np.isfinite(flow.u[0])[::-1], there[0])
+    np.testing.assert_allclose(flow.v[0, 1], -0.02, rtol=1e-6)
+    assert flow.surface is not None
+    np.testing.assert_allclose(np.sort(flow.surface.y), np.sort(depth.ravel()))
+    assert read_depths(tmp_path / "depths.hdf5").columns["t"].size == depth.size
+    with pytest.raises(DataFileError, match="must hold velocities, got depths"):
+        read_vectors(tmp_path / "depths.hdf5")
+
+
+def test_a_link_in_place_of_a_table_is_not_followed(tmp_path: Path) -> None:
+    """Nor is it looked whether there is something behind it."""
+    path = tmp_path / "a.hdf5"
+    with h5py.File(path, "w") as file:
+        file["Frame"] = h5py.ExternalLink("nothing.h5", "Frame")
+        file["x"] = file["u"] = np.zeros((3, 2))
+    with pytest.raises(DataFileError, match="Frame must be stored in the file itself, got a link"):
+        read_vectors(path, format="tracks")
