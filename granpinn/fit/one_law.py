@@ -4,23 +4,76 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from granpinn.config import Config
+from granpinn.estimates.facts import Facts
+from granpinn.estimates.inertia import inertial_numbers
 from granpinn.fit import ensemble
+from granpinn.fit.case import Case
 from granpinn.fit.context import Context
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import DataSummary, ErrorPercent, Input, Parameter, Parameters, Result
 from granpinn.results.assumed import Assumed
 from granpinn.results.flow_of_law import FlowOfLaw
 from granpinn.uncertainty import curve
-from granpinn.uncertainty.determined import Range, applied, determined_over
-from granpinn.uncertainty.error_bars import estimate
+from granpinn.uncertainty.determined import LARGEST, Range, applied, determined_over, percentiles
+from granpinn.uncertainty.error_bars import estimate, sd_of
 from granpinn.uncertainty.error_model import Known, Pair, ends_of, load
 
 UNTESTED = "several flows with one law"  # no study has measured how often the intervals hold
+
+
+def with_free_I0(cases: Sequence[Case]) -> tuple[list[Case], str | None]:
+    """The cases with a law whose I0 is free, if their ranges of I together determine it.
+
+    An I0 in the settings that is not the usual one is given, and stays as it is.
+
+    Returns:
+        The cases, and a sentence on I0; None: the law has none, or it is given.
+    """
+    law, usual = cases[0].member.law, DEFAULT.parameter("I0").start
+    if law.name != DEFAULT.name or any(usual != case.config.I0 for case in cases):
+        return list(cases), None
+    flows = [expected_of(case.facts, case.config.level, case.flow.of_solver) for case in cases]
+    known = [flow for flow in flows if flow is not None]
+    sd = sd_of(known, load())["I0"] / usual if len(known) > 1 else math.inf
+    share = f"the expected error of I0 from the ranges of I of all flows is {100 * sd:.2g} %"
+    if sd > LARGEST["I0"]:
+        return list(cases), f"I0 is held at {usual:g}: {share}"
+    free = law.with_free({"I0": usual})
+    fixed = {name: value for name, value in cases[0].member.fixed.items() if name != "I0"}
+    made = [
+        dataclasses.replace(case, member=dataclasses.replace(case.member, law=free, fixed=fixed))
+        for case in cases
+    ]
+    return made, f"I0 is identified: {share}"
+
+
+def expected_of(facts: Facts, level: str, of_solver: bool) -> Known | None:
+    """What is known of the accuracy of a flow before its training, with the usual law.
+
+    None if no vector shears.
+    """
+    numbers = inertial_numbers(facts)
+    found = percentiles(numbers.I[numbers.flows], numbers.vectors[numbers.flows])
+    if found is None:
+        return None
+    mu_s, mu_2, I0 = (p.typical for p in DEFAULT.parameters)
+    noise = math.sqrt(2) * facts.relative_noise
+    return Known(
+        ends_of(found, I0),
+        (mu_s, mu_2),
+        misfit=noise,
+        noise=noise,
+        vectors=facts.independent(),
+        outline=level == "V0",
+        real=not of_solver,
+        I0=I0,
+    )
 
 
 def share_error_bars(contexts: Sequence[Context]) -> None:
@@ -36,7 +89,7 @@ def share_error_bars(contexts: Sequence[Context]) -> None:
     free: dict[str, Parameter] = {}
     if reason is None:
         assert first.members is not None
-        flows = [_known(context) for context in contexts]
+        flows = [known_of(context.result, context.case) for context in contexts]
         free, covariance, bars = estimate(first.members, flows, load(), _assumed(results))
         every = [words for r in results if r.error_bars for words in r.error_bars.outside]
         bars = dataclasses.replace(bars, outside=tuple(dict.fromkeys(every)))
@@ -106,14 +159,14 @@ def result_of(contexts: Sequence[Context], config: Config) -> Result:
     return curve.over(result, (low, high))
 
 
-def _known(context: Context) -> Known:
+def known_of(result: Result, case: Case) -> Known:
     """What the fit of a flow knows of its accuracy."""
-    result, case = context.result, context.case
     assert result.residuals is not None
     assert result.law.I_range is not None
     mu_s, mu_2, I0 = result.theta
     x: Pair = ends_of(result.law.I_range, I0)
-    return ensemble.known_by(case, result.residuals, result.timing.steps, x, (mu_s, mu_2))
+    known = ensemble.known_by(case, result.residuals, result.timing.steps, x, (mu_s, mu_2))
+    return known._replace(I0=None if result.parameters["I0"].fixed else I0)
 
 
 def _reason(result: Result) -> str:

@@ -14,7 +14,7 @@ from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.estimates.confined import undetermined
 from granpinn.fit.case import Case, choose_device, members, pose
-from granpinn.fit.one_law import result_of, share_error_bars
+from granpinn.fit.one_law import result_of, share_error_bars, with_free_I0
 from granpinn.identification import answer
 from granpinn.identification.batch import identify_many
 from granpinn.identification.identified import Identification, OfFlows
@@ -55,7 +55,8 @@ def identify_one_law(
                 f"{check.name.replace('_', ' ')} is a check of one flow, got {len(flows)} flows "
                 "with one law: leave it out, or train on one flow"
             )
-    cases, K = [_posed(flow, config) for flow in flows], config.members
+    cases, of_I0 = with_free_I0([_posed(flow, config) for flow in flows])
+    K = config.members
     every = [member for case in cases for member in _in_groups(case)]
     with (
         owned(None if together.rank else folder),
@@ -76,6 +77,8 @@ def identify_one_law(
         places = [place for part in parts for place in histories(part, K)]
         run = start(every, config, folder, progress, begin, places, together, own, shown=len(cases))
         run.on_step = on_step
+        if of_I0 is not None:
+            run.progress.message(of_I0)
         at_end.callback(run.progress.stop)
         run.train()
         if len(run.trainer.diverged) == len(every):

@@ -125,7 +125,10 @@ class Result:
     @property
     def friction_law(self) -> Law:
         """The law itself: its parameters and its curve."""
-        return LAWS[self.law.name]
+        law = LAWS[self.law.name]
+        given = {name for name, p in self.parameters.items() if p.fixed}
+        held = (p for p in law.parameters if p.fixed)
+        return law.with_free({p.name: p.start for p in held if p.name not in given})
 
     @property
     def assessment(self) -> Assessment:

@@ -11,13 +11,13 @@ of real grains from mu(I) (error_model.py), and J continues the line through bot
 scatter of K > 1 members over seeds. A is the effect of assumptions, such as the offset of the
 surface line (sensitivity.py).
 
-Several flows f with one law: the errors of the method are independent between flows, so generalised
-least squares over the ends of all gives
+Several flows with one law: M and G are those of the ends of all flows. The errors of two flows are
+correlated, because the method and the material have a part in both. With the slopes K of log mu at
+all ends by the parameters, generalised least squares gives
 
-$$ J M J^T \to \Big( \sum_f (J_f M_f J_f^T)^{-1} \Big)^{-1} . $$
+$$ J = (K^T (M + G)^{-1} K)^{-1} K^T (M + G)^{-1} , $$
 
-The departure of real grains from mu(I) is that of the material. So G counts once, with its level
-and its tilt over the range of I of all flows, and does not average out.
+which is $K^{-1}$ for one flow. I0 is a third parameter where it is identified.
 
 Intervals are from Student's distribution and symmetric in log mu, so friction stays positive.
 """
@@ -39,15 +39,11 @@ from granpinn.results.records import ErrorBars, Members
 from granpinn.uncertainty.error_model import (
     ErrorModel,
     Known,
-    Pair,
-    continued,
     interval,
-    line,
     load,
 )
 from granpinn.uncertainty.sensitivity import covariance, unknown
 
-NAMES = ("mu_s", "mu_2")
 DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
 STARTS = ("rheology.start", "rheology.random_start")  # no influence (bench/studies/recipe)
 
@@ -58,7 +54,7 @@ def center(members: Members, law: Law = DEFAULT) -> tuple[float, ...]:
     If a parameter is optimised as its rise above the one before it, the median is of the rise: the
     data determine the slope of mu(I), not mu_2. The median of the logarithm would be the same.
     """
-    values = values_of(members, law)
+    values = values_of(members, law.free)
     found: list[float] = []
     for k, name in enumerate(law.free):
         if law.parameter(name).variable == "log_above":
@@ -76,13 +72,13 @@ def nearest(members: Members, law: Law) -> int:
     """
     middle = np.array(center(members, law))
     unit = [middle[k if name == law.cohesion else 0] for k, name in enumerate(law.free)]
-    z = (values_of(members, law) - middle) / np.array(unit)
+    z = (values_of(members, law.free) - middle) / np.array(unit)
     return int(np.argmin((z**2).sum(axis=1)))
 
 
-def values_of(members: Members, law: Law = DEFAULT) -> Float64:
-    """The values of the members [K, len(law.free)]."""
-    return np.stack([members.values[name] for name in law.free], axis=1)
+def values_of(members: Members, names: Sequence[str]) -> Float64:
+    """The values of L parameters of the members [K, L]."""
+    return np.stack([members.values[name] for name in names], axis=1)
 
 
 class Estimate(NamedTuple):
@@ -99,70 +95,63 @@ def estimate(
     """Error bars of the center `mu` of an ensemble.
 
     Args:
-        flows: one flow, or all flows that have this law, with the same `mu`.
+        flows: one flow, or all flows that have this law, with the same `mu` and `I0`.
     """
+    J, (of_method, of_grains) = continuation(flows, model), model.of_flows(flows)
+    values = flows[0].parameters
     parts = {
-        "method": method(flows, model),
-        "grains": grains(flows, model),
-        "scatter": scatter(members),
-        "assumptions": covariance(assumed, NAMES),
+        "method": J @ of_method @ J.T,
+        "grains": J @ of_grains @ J.T,
+        "scatter": scatter(members, tuple(values)),
+        "assumptions": covariance(assumed, tuple(values)),
     }
-    C = sum(parts.values(), np.zeros((2, 2)))
+    C = sum(parts.values(), np.zeros((len(values), len(values))))
     half, sd = model.half_width(), np.sqrt(np.diag(C)).tolist()
     parameters = {
-        name: Parameter(mu, False, s, interval(mu, s, half))
-        for name, mu, s in zip(NAMES, flows[0].mu, sd, strict=True)
+        name: Parameter(value, False, s, interval(value, s, half))
+        for (name, value), s in zip(values.items(), sd, strict=True)
     }
     bars = ErrorBars(
-        method=_pair(parts.pop("method")),
-        **{name: _pair(matrix) if matrix.any() else None for name, matrix in parts.items()},
+        method=_sd(parts.pop("method")),
+        **{name: _sd(matrix) if matrix.any() else None for name, matrix in parts.items()},
         freedom=model.freedom,
         half_width=half,
         outside=tuple(dict.fromkeys(words for known in flows for words in model.outside(known))),
         provenance=model.provenance,
     )
-    return Estimate(parameters, Covariance(NAMES, tuple(map(tuple, C.tolist()))), bars)
+    return Estimate(parameters, Covariance(tuple(values), tuple(map(tuple, C.tolist()))), bars)
 
 
-def method(flows: Sequence[Known], model: ErrorModel) -> Float64:
-    """Covariance of (mu_s, mu_2) by the errors of the method [2, 2], independent between flows."""
-    if len(flows) == 1:
-        return continued(model.method(flows[0]), flows[0])
-    total = np.zeros((2, 2))
-    for known in flows:
-        by_mu = np.diag(1 / known.ends) @ line(known.x)  # log mu at both ends by (mu_s, mu_2)
-        total += by_mu.T @ np.linalg.solve(model.method(known), by_mu)
-    return np.asarray(np.linalg.inv(total))
+def continuation(flows: Sequence[Known], model: ErrorModel) -> Float64:
+    """Errors of the L parameters by those of log mu at both ends of F flows [L, 2 F]."""
+    slopes = np.concatenate([known.slopes for known in flows])
+    if len(slopes) == slopes.shape[1]:
+        return np.asarray(np.linalg.inv(slopes))
+    method, of_grains = model.of_flows(flows)
+    triangle = np.linalg.cholesky(method + of_grains)
+    white = np.linalg.solve(triangle, np.eye(len(triangle)))
+    return np.asarray(np.linalg.lstsq(white @ slopes, white, rcond=None)[0])
 
 
-def grains(flows: Sequence[Known], model: ErrorModel) -> Float64:
-    """Covariance of (mu_s, mu_2) by the departure of real grains from mu(I) [2, 2].
-
-    It is common to all flows, over the range of I of all.
-    """
-    x = min(known.x[0] for known in flows), max(known.x[1] for known in flows)
-    every = flows[0]._replace(x=x, real=any(known.real for known in flows))
-    return continued(model.grains(every), every)
+def sd_of(flows: Sequence[Known], model: ErrorModel) -> dict[str, float]:
+    """Standard deviations of the parameters in runs of which no more is known."""
+    J = continuation(flows, model)
+    C = J @ sum(model.of_flows(flows)) @ J.T
+    return dict(zip(flows[0].parameters, _sd(C), strict=True))
 
 
-def sd_of(flows: Sequence[Known], model: ErrorModel) -> Pair:
-    """Standard deviations of (mu_s, mu_2) in runs of which no more is known."""
-    return _pair(method(flows, model) + grains(flows, model))
-
-
-def scatter(members: Members) -> Float64:
-    """Covariance of the mean of (mu_s, mu_2) over the members [2, 2]; 0 for one member."""
-    values = values_of(members)
+def scatter(members: Members, names: Sequence[str]) -> Float64:
+    """Covariance of the mean of L parameters over the members [L, L]; 0 for one member."""
+    values = values_of(members, names)
     K = len(values)
     if K < 2:
-        return np.zeros((2, 2))
+        return np.zeros((len(names), len(names)))
     return np.asarray(np.cov(values, rowvar=False) / K)
 
 
-def _pair(C: Float64) -> Pair:
+def _sd(C: Float64) -> tuple[float, ...]:
     """Standard deviations."""
-    first, second = np.sqrt(np.diag(C)).tolist()
-    return first, second
+    return tuple(np.sqrt(np.diag(C)).tolist())
 
 
 class Judgement(NamedTuple):

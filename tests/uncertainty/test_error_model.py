@@ -28,6 +28,7 @@ MODEL = dataclasses.replace(
     lower=RULES | {"constant": math.log(0.004)},
     upper=RULES | {"constant": math.log(0.01)},
     correlation=-0.3,
+    common=0.4,
     level=0.02,
     tilt=0.01,
 )
