@@ -134,7 +134,12 @@ def continuation(flows: Sequence[Known], model: ErrorModel) -> Float64:
 
 
 def sd_of(flows: Sequence[Known], model: ErrorModel) -> dict[str, float]:
-    """Standard deviations of the parameters in runs of which no more is known."""
+    """Standard deviations of the parameters in runs of which no more is known.
+
+    Infinite if the ranges of the flows leave one open, as those of one flow that is given twice.
+    """
+    if np.linalg.matrix_rank(np.concatenate([f.slopes for f in flows])) < len(flows[0].parameters):
+        return dict.fromkeys(flows[0].parameters, np.inf)
     J = continuation(flows, model)
     C = J @ sum(model.of_flows(flows)) @ J.T
     return dict(zip(flows[0].parameters, _sd(C), strict=True))
