@@ -191,7 +191,7 @@ def chi_square(
     scale = np.sqrt(model.freedom / rng.chisquare(model.freedom, (DRAWS, n // 2)))
     drawn = rng.standard_normal((DRAWS, n)) * np.repeat(scale, 2, axis=1)
     drawn -= (drawn @ basis) @ basis.T
-    above = np.count_nonzero(np.sum(drawn**2, axis=1) >= value)
+    above = int(np.count_nonzero(np.sum(drawn**2, axis=1) >= value))
     return value, n - len(free), (1 + above) / (1 + DRAWS)
 
 

@@ -10,17 +10,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from granpinn.config import Config
-from granpinn.estimates.facts import Facts
-from granpinn.estimates.inertia import inertial_numbers
 from granpinn.fit import ensemble
 from granpinn.fit.case import Case
 from granpinn.fit.context import Context
+from granpinn.inspection.several import expected_of
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import DataSummary, ErrorPercent, Input, Parameter, Parameters, Result
 from granpinn.results.assumed import Assumed
 from granpinn.results.flow_of_law import FlowOfLaw
 from granpinn.uncertainty import curve
-from granpinn.uncertainty.determined import LARGEST, Range, applied, determined_over, percentiles
+from granpinn.uncertainty.determined import LARGEST, Range, applied, determined_over
 from granpinn.uncertainty.error_bars import estimate, sd_of
 from granpinn.uncertainty.error_model import Known, Pair, ends_of, load
 
@@ -51,29 +50,6 @@ def with_free_I0(cases: Sequence[Case]) -> tuple[list[Case], str | None]:
         for case in cases
     ]
     return made, f"I0 is identified: {share}"
-
-
-def expected_of(facts: Facts, level: str, of_solver: bool) -> Known | None:
-    """What is known of the accuracy of a flow before its training, with the usual law.
-
-    None if no vector shears.
-    """
-    numbers = inertial_numbers(facts)
-    found = percentiles(numbers.I[numbers.flows], numbers.vectors[numbers.flows])
-    if found is None:
-        return None
-    mu_s, mu_2, I0 = (p.typical for p in DEFAULT.parameters)
-    noise = math.sqrt(2) * facts.relative_noise
-    return Known(
-        ends_of(found, I0),
-        (mu_s, mu_2),
-        misfit=noise,
-        noise=noise,
-        vectors=facts.independent(),
-        outline=level == "V0",
-        real=not of_solver,
-        I0=I0,
-    )
 
 
 def share_error_bars(contexts: Sequence[Context]) -> None:

@@ -32,7 +32,7 @@ from granpinn.config.values import convert
 from granpinn.data import FlowFileWarning, read_flow
 from granpinn.data.reader import is_flow_file
 from granpinn.data.steady import said
-from granpinn.inspection import AssumedLaw, Inspection, inspect
+from granpinn.inspection import AssumedLaw, Inspection, inspect, several
 from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.physics.law_values import PARAMETERS
 
@@ -43,6 +43,8 @@ EXAMPLES = """examples:
       and inspect.json with maps of the gaps, the speed, the noise and the inertial numbers
   python -m granpinn.inspect flow.h5 --I0 0.28 --mu-s 0.3 --mu-2 0.6
       the precision for a material that is roughly known
+  python -m granpinn.inspect heap.h5 chute.h5
+      how well flows of one material fix one law, and which flow to film next
   python -m granpinn.inspect flow.h5 --law coulomb
       the precision of constant friction"""
 # Arguments of a conversion besides the files; docs/guides/importing.md has the steps.
@@ -56,6 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str]) -> int:
     options = parse(argv)
     _require_flow_file(options["data"])
+    if len(options["data"]) > 1:
+        return _several(options)
     data = options["data"][0]
     with warnings.catch_warnings():
         # Exact zeros have their own line in what is printed.
@@ -85,11 +89,23 @@ def _run(argv: Sequence[str]) -> int:
     return 0
 
 
+def _several(options: dict[str, Any]) -> int:
+    if options["json"] or options["out"] is not None:
+        raise ConfigError(
+            f"expected one flow file with --json or --out, got {len(options['data'])}: inspect one "
+            "at a time"
+        )
+    print("\n".join(several.lines([read_flow(path) for path in options["data"]])))
+    names = " ".join(map(str, options["data"]))
+    print(f"next: {program('train')} {names} --one-law --out run")
+    return 0
+
+
 def parse(argv: Sequence[str]) -> dict[str, Any]:
     """Options of a command line: data, out, json, law and side_walls."""
     parser = Parser(
         prog=program("inspect"),
-        usage="%(prog)s FLOW.h5 [--out DIR] [--json]",
+        usage="%(prog)s FLOW.h5 [FLOW.h5 ...] [--out DIR] [--json]",
         description="Inspect velocity data and estimate how precisely they fix the friction law.",
         epilog=EXAMPLES.replace("python -m granpinn.inspect", program("inspect")),
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -135,9 +151,8 @@ def _require_flow_file(paths: list[Path]) -> None:
     if not first.exists():
         raise ConfigError(f"{first} does not exist: name a flow file")
     if first.is_file() and is_flow_file(first):
-        if len(paths) > 1:
-            raise ConfigError(f"expected one flow file, got {len(paths)}: inspect one at a time")
-        return
+        if all(path.is_file() and is_flow_file(path) for path in paths):
+            return
     raise refusal(paths, "inspect")
 
 

@@ -17,7 +17,7 @@ from granpinn.results.assumed import Assumed
 from granpinn.results.records import Members
 from granpinn.uncertainty import error_bars, error_model
 from granpinn.uncertainty.error_bars import center, nearest
-from granpinn.uncertainty.error_model import FEATURES, ErrorModel, Known, continued, ends_of, line
+from granpinn.uncertainty.error_model import FEATURES, ErrorModel, Known, ends_of, line
 
 X, MU = (0.02, 0.3), (0.4, 0.64)
 USUAL = Known(X, MU, misfit=0.003, law=0.005)
@@ -44,6 +44,12 @@ WORSE: dict[str, Known] = {
     "reach": USUAL._replace(x=SHORT, mu=SAME),
     "contrast": USUAL._replace(mu=(0.4, 0.8)),
 }
+
+
+def continued(of_ends: Any, known: Known) -> Any:
+    """Covariance of (mu_s, mu_2) from that of log mu at both ends [2, 2]."""
+    J = np.linalg.solve(line(known.x), np.diag(known.ends))
+    return J @ of_ends @ J.T
 
 
 def test_mu_s_and_mu_2_are_the_continuation_of_a_line() -> None:
@@ -224,40 +230,63 @@ def test_a_model_that_breaks_a_rule_is_refused(
 OTHER = USUAL._replace(x=(0.2, 0.6), real=True)
 
 
+def covariance_of(flows: list[Known]) -> Any:
+    J = error_bars.continuation(flows, MODEL)
+    return J @ sum(MODEL.of_flows(flows)) @ J.T
+
+
+def test_one_flow_has_the_continuation_of_its_ends() -> None:
+    expected = continued(MODEL.method(OTHER) + MODEL.grains(OTHER), OTHER)
+    np.testing.assert_allclose(covariance_of([OTHER]), expected, rtol=1e-9)
+
+
 def test_flows_with_one_law_are_one_least_squares_fit(seed: int) -> None:
     """Generalised least squares over both ends of both flows, drawn from the model."""
     flows = [USUAL, OTHER]
-    J = np.vstack([line(known.x) for known in flows])
     C = np.zeros((4, 4))
-    for k, known in enumerate(flows):
-        ends = slice(2 * k, 2 * k + 2)
-        C[ends, ends] = np.outer(known.ends, known.ends) * MODEL.method(known)
+    for f, a in enumerate(flows):
+        for g, b in enumerate(flows):
+            shape = np.array([[1, -0.3], [-0.3, 1]])
+            block = np.outer(MODEL.sd(a), MODEL.sd(b)) * shape
+            block = block + (MODEL.grains(OTHER) if a.real and b.real else 0)
+            C[2 * f : 2 * f + 2, 2 * g : 2 * g + 2] = block * (1 if f == g else 0.4)
+    J = np.vstack([np.diag(1 / known.ends) @ line(known.x) for known in flows])
     weights = np.linalg.inv(C)
     fit = np.linalg.solve(J.T @ weights @ J, J.T @ weights)
     rng = np.random.default_rng(seed)
     drawn = rng.multivariate_normal(J @ MU, C, 20_000) @ fit.T
-    found = error_bars.method(flows, MODEL)
+    found = covariance_of(flows)
     np.testing.assert_allclose(found, np.cov(drawn.T), rtol=0.1)
     np.testing.assert_allclose(found, fit @ C @ fit.T, rtol=1e-9)
 
 
-def test_the_same_flow_twice_halves_the_variance_of_the_method_only() -> None:
-    once, twice = [OTHER], [OTHER, OTHER]
-    np.testing.assert_allclose(
-        error_bars.method(twice, MODEL), error_bars.method(once, MODEL) / 2, rtol=1e-9
-    )
-    np.testing.assert_array_equal(error_bars.grains(twice, MODEL), error_bars.grains(once, MODEL))
+def test_the_same_flow_twice_averages_out_what_is_not_common() -> None:
+    once, twice = covariance_of([OTHER]), covariance_of([OTHER, OTHER])
+    np.testing.assert_allclose(twice, (1 + MODEL.common) / 2 * once, rtol=1e-9)
 
 
-def test_the_departure_of_grains_is_over_the_range_of_all_flows() -> None:
-    found = error_bars.grains([USUAL, OTHER], MODEL)
-    every = OTHER._replace(x=(USUAL.x[0], OTHER.x[1]))
-    np.testing.assert_array_equal(found, continued(MODEL.grains(every), every))
-    assert not error_bars.grains([USUAL], MODEL).any()
+def test_the_slope_by_I0_is_that_of_the_law() -> None:
+    I, h = np.array([0.01, 0.4]), 1e-6
+    known = Known(ends_of((0.01, 0.4), 0.3), MU, I0=0.3)
+    assert known.parameters == {"mu_s": 0.4, "mu_2": 0.64, "I0": 0.3}
+    upper, lower = (np.log(DEFAULT.friction(I, *MU, 0.3 + e)) for e in (h, -h))
+    np.testing.assert_allclose(known.slopes[:, 2], (upper - lower) / (2 * h), rtol=1e-6)
+
+
+def test_I0_needs_flows_with_other_ranges() -> None:
+    slow, fast = (Known(ends_of(I, 0.3), MU, I0=0.3) for I in ((0.01, 0.1), (0.2, 0.8)))
+    assert error_bars.sd_of([fast, fast], MODEL)["I0"] == math.inf
+    assert error_bars.sd_of([slow, fast], MODEL)["I0"] < 0.1
+    members = Members((0,), {"mu_s": (0.4,), "mu_2": (0.64,), "I0": (0.3,)})
+    found = error_bars.estimate(members, [slow, fast], MODEL)
+    assert found.covariance.names == ("mu_s", "mu_2", "I0")
+    low, high = found.parameters["I0"].interval_90
+    assert low < 0.3 < high
+    assert len(found.bars.method) == 3
 
 
 def test_a_flow_that_reaches_far_determines_mu_2_of_all() -> None:
     narrow = USUAL._replace(x=(0.02, 0.04))
     wide = error_bars.sd_of([narrow, OTHER._replace(real=False)], MODEL)
-    assert wide[1] < error_bars.sd_of([narrow], MODEL)[1] / 5
-    assert wide[0] < error_bars.sd_of([OTHER._replace(real=False)], MODEL)[0]
+    assert wide["mu_2"] < error_bars.sd_of([narrow], MODEL)["mu_2"] / 5
+    assert wide["mu_s"] < error_bars.sd_of([OTHER._replace(real=False)], MODEL)["mu_s"]
