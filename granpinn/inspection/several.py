@@ -1,10 +1,11 @@
 """Several flows of one material before their training: how well they fix one law, and which next.
 
-The errors are those of the error model for good fits with the usual law (uncertainty/error_bars.py).
-A further experiment is the range of I that it would show: of a collapse of a column W wide, 0.2 to 6
-times d/W; of a chute that is filmed from rest, 0.05 to 0.5 times the I of its steady (Bagnold) flow,
-for which mu(I) is the tangent of the slope. These factors are medians over the simulated flows of
-bench/studies/one_law. The depth of a layer changes the time in which it gets there, not its I.
+The errors are those of the error model for good fits with the usual law
+(uncertainty/error_bars.py). A further experiment is the range of I that it would show: of a
+collapse of a column W wide, 0.2 to 6 times d/W; of a chute that is filmed from rest, 0.05 to 0.5
+times the I of its steady (Bagnold) flow, for which mu(I) is the tangent of the slope. These factors
+are typical of ten of the simulated pairs of bench/studies/one_law. The depth of a layer changes the
+time in which it gets there, not its I. Drums are left out: no simple model gives their I.
 """
 
 from __future__ import annotations
