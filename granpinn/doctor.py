@@ -19,7 +19,6 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -159,30 +158,25 @@ def self_check() -> Section:
     torch = import_module("torch")
     missing = import_module("granpinn.kernels.builds").cuda_missing()
     report = {}
-    for form, outputs in (("strong", 3), ("mixed", 5)):
-        problem = small_problem([3, 8, outputs], form)
-        report[form] = agreement(form, problem, "cpu", "float64")
+    for form in ("strong", "mixed"):
+        report[form] = agreement(form, "cpu", "float64")
         if torch.cuda.is_available() and not missing:
             for dtype in LARGEST_ERROR:
-                report[f"{form}, GPU {dtype}"] = agreement(form, problem, "cuda", dtype)
+                report[f"{form}, GPU {dtype}"] = agreement(form, "cuda", dtype)
     return report
 
 
-def agreement(form: str, problem: tuple[Any, ...], device: str, dtype: str) -> str:
+def agreement(form: str, device: str, dtype: str) -> str:
     """How well the kernel of a device agrees with nested autograd.
 
     Raises:
         Trouble: they differ by more than LARGEST_ERROR.
     """
-    torch = import_module("torch")
     ops = load("granpinn.kernels.ops", BUILD_HINT)
     reference = load("granpinn.reference", BUILD_HINT)
 
-    def there(x: Any) -> Any:
-        return x.to(device, getattr(torch, dtype)) if isinstance(x, torch.Tensor) else x
-
-    fused = [x.double().cpu() for x in ops.residual_loss(*map(there, problem))]
-    truth = reference.residual_loss(*problem)
+    fused = [x.double().cpu() for x in ops.residual_loss(*small_problem(form, device, dtype))]
+    truth = reference.residual_loss(*small_problem(form, "cpu", "float64"))
     error = max(
         float((f - t).norm() / t.norm().clamp_min(1e-300))
         for f, t in zip(fused, truth, strict=True)
@@ -196,21 +190,23 @@ def agreement(form: str, problem: tuple[Any, ...], device: str, dtype: str) -> s
     return f"agrees with nested autograd to {error:.0e}"
 
 
-def small_problem(widths: list[int], form: str) -> tuple[Any, ...]:
+def small_problem(form: str, device: str, dtype: str) -> tuple[Any, ...]:
     """Arguments of residual_loss for a random network, five points and four surface points."""
+    from granpinn.kernels.network import OUTPUTS, NetworkSpec
     from granpinn.physics import constants, laws, terms
 
     torch = import_module("torch")
     generator = torch.Generator().manual_seed(0)
+    kind = {"device": device, "dtype": getattr(torch, dtype)}
 
     def draw(*shape: int) -> Any:
-        return torch.randn(shape, generator=generator, dtype=torch.float64)
+        return torch.randn(shape, generator=generator, dtype=torch.float64).to(**kind)
 
-    params = draw(sum((n + 1) * m for n, m in pairwise(widths)))
-    theta = torch.tensor([p.start for p in laws.DEFAULT.parameters], dtype=torch.float64)
-    inside = (draw(5, 3), draw(5, 2), torch.ones(5, 2, dtype=torch.float64))
-    surface = (draw(4, 3), draw(4))
-    term_weights = torch.ones(len(terms.NAMES), dtype=torch.float64)
+    spec = NetworkSpec((3, 8, OUTPUTS[form]), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), form)
+    params = draw(spec.n_params)
+    theta = torch.tensor([p.start for p in laws.DEFAULT.parameters], **kind)
+    inside = (draw(5, 3), draw(5, 2), torch.ones(5, 2, **kind))
+    batch = terms.LossPoints(*inside, draw(4, 3), draw(4))
     physics = constants.Physics(
         grain_diameter=0.01,
         g_x=0.0,
@@ -221,8 +217,7 @@ def small_problem(widths: list[int], form: str) -> tuple[Any, ...]:
         pressure_scale=1.0,
         pressure_floor=1e-4,
     )
-    scaling = ([0.0, 0.0, 0.0], [1.0, 1.0, 1.0])
-    return params, theta, *inside, *surface, term_weights, widths, *scaling, list(physics), form
+    return params, theta, batch, torch.ones(len(terms.NAMES), **kind), spec, physics
 
 
 def examine() -> tuple[dict[str, Section], str | None]:

@@ -16,6 +16,7 @@ from granpinn.data.noise import inverse_variance
 from granpinn.data.outline import outline
 from granpinn.data.symmetry import axes_of
 from granpinn.physics.axes import Axes
+from granpinn.physics.terms import LossPoints
 
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
@@ -76,6 +77,11 @@ class TrainingSet:
     def arrays(self) -> dict[str, torch.Tensor]:
         """All arrays by name; `source` only where there is one."""
         return {name: value for name, value in vars(self).items() if value is not None}
+
+    @property
+    def loss_points(self) -> LossPoints:
+        """The part that the residual loss takes."""
+        return LossPoints._make(getattr(self, name) for name in LossPoints._fields)
 
     def pooled(self) -> TrainingSet:
         """The training set with the B, S and W points among the data points, for batches.

@@ -164,7 +164,7 @@ def _law(
 ) -> _Law:
     """The law of an ensemble with its error bars, or why it has none."""
     law, known = case.member.law, None
-    values = case.member.fixed | dict(zip(law.free, center(members, law), strict=True))
+    values = {**case.member.fixed, **dict(zip(law.free, center(members, law), strict=True))}
     if law.name == DEFAULT.name and residuals is not None and I_range is not None:
         x, mu = ends_of(I_range, values["I0"]), (values["mu_s"], values["mu_2"])
         known = known_by(case, residuals, steps, x, mu)

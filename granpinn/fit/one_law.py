@@ -13,7 +13,6 @@ from granpinn.config import Config
 from granpinn.fit import ensemble
 from granpinn.fit.case import Case
 from granpinn.fit.context import Context
-from granpinn.inspection.several import expected_of
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import DataSummary, ErrorPercent, Input, Parameter, Parameters, Result
 from granpinn.results.assumed import Assumed
@@ -22,6 +21,7 @@ from granpinn.uncertainty import curve
 from granpinn.uncertainty.determined import LARGEST, Range, applied, determined_over
 from granpinn.uncertainty.error_bars import estimate, sd_of
 from granpinn.uncertainty.error_model import Known, Pair, ends_of, load
+from granpinn.uncertainty.expected import expected_of
 
 UNTESTED = "several flows with one law"  # no study has measured how often the intervals hold
 

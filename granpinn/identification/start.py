@@ -90,7 +90,7 @@ def start(
         if reason is not None:
             progress.message(f"warning: no friction coefficient will be determined: {reason}")
     progress.message(
-        f"{many}{len(objective.surface_points)} surface points, "
+        f"{many}{len(objective.pool.surface_points)} surface points, "
         f"{objective.spec.n_params} network parameters, {config.dtype} on {device}"
     )
     return run

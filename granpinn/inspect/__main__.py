@@ -32,9 +32,10 @@ from granpinn.config.values import convert
 from granpinn.data import FlowFileWarning, read_flow
 from granpinn.data.reader import is_flow_file
 from granpinn.data.steady import said
-from granpinn.inspection import AssumedLaw, Inspection, inspect, several
+from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.physics.law_values import PARAMETERS
+from granpinn.uncertainty import expected
 
 EXAMPLES = """examples:
   python -m granpinn.inspect flow.h5
@@ -95,7 +96,7 @@ def _several(options: dict[str, Any]) -> int:
             f"expected one flow file with --json or --out, got {len(options['data'])}: inspect one "
             "at a time"
         )
-    print("\n".join(several.lines([read_flow(path) for path in options["data"]])))
+    print("\n".join(expected.lines([read_flow(path) for path in options["data"]])))
     names = " ".join(map(str, options["data"]))
     print(f"next: {program('train')} {names} --one-law --out run")
     return 0
@@ -150,9 +151,8 @@ def _require_flow_file(paths: list[Path]) -> None:
     first = paths[0]
     if not first.exists():
         raise ConfigError(f"{first} does not exist: name a flow file")
-    if first.is_file() and is_flow_file(first):
-        if all(path.is_file() and is_flow_file(path) for path in paths):
-            return
+    if all(path.is_file() and is_flow_file(path) for path in paths):
+        return
     raise refusal(paths, "inspect")
 
 

@@ -82,12 +82,9 @@ def test_loss_and_gradient_are_those_of_the_fused_loss(
         data = dataclasses.replace(data, source=data.velocity.flip(0))
     at = Unknowns(coefficients(SPEC, params), THETA)
     sums = sums_of(problem(), data, params)
-    of_data = (data.points, data.velocity, data.point_weights)
-    of_surface = (data.surface_points, data.surface_pressure)
-    rest = (SPEC.widths, SPEC.input_shift, SPEC.input_scale, PHYSICS, "mixed")
     weights = torch.tensor(WEIGHTS, dtype=torch.float64)
     loss, _, by_params, by_theta = ops.residual_loss(
-        params, THETA, *of_data, *of_surface, weights, *rest, source=data.source
+        params, THETA, data.loss_points, weights, SPEC, PHYSICS
     )
     assert sums.loss(at) == pytest.approx(float(loss), rel=1e-12)
     A, b = sums.normal_equations(at)

@@ -125,7 +125,7 @@ def test_shares_are_the_parts_of_one_batch(flow: Flow) -> None:
     drawn = []
     for share in ((0, 1), (0, 2), (1, 2)):
         o = Objective(members, config.batch, device, share)
-        data = (o.points, o.velocity, o.point_weights, o.surface_points, o.surface_pressure)
+        *data, _ = o.pool
         sizes = (o.batch.interior, o.batch.surface, o.share)
         drawn.append(
             torch.ops.granpinn.draw_batch(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,13 @@ def pair(seed: int, number: int) -> tuple[Task, Task]:
     mu_s, slope, scale, x = (
         float(generator.uniform(*limits)) for limits in (MU_S, SLOPE, I0, STEEP)
     )
-    material = {"mu_s": mu_s, "mu_2": mu_s + slope, "I0": scale, "d": DIAMETER, "threads": 1}
+    material: dict[str, Any] = {
+        "mu_s": mu_s,
+        "mu_2": mu_s + slope,
+        "I0": scale,
+        "d": DIAMETER,
+        "threads": 1,
+    }
     aspect = between(generator, *ASPECT)
     run = RUNOUT * min(aspect, SHALLOW ** (1 / 3) * aspect ** (2 / 3))
     height = Collapse().height

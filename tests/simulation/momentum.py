@@ -1,7 +1,6 @@
 """Does a flow obey its own momentum balance? Finite differences on every cell of the solver's grid.
 
-Shared by reference.py and the tests. For three frames around a time,
-with density 1,
+For three frames around a time, with density 1,
     e = dv/dt + v.grad v + grad p - div(2 eta D) - g - f,   eta = min(mu(I) p / gamma_dot, eta_max),
 with the friction of side walls f = -k p v / |v|, if there are any,
 by central differences of cell-centered values, where the 5 x 5 cells around hold nothing but

@@ -9,7 +9,7 @@ import pytest
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
 from granpinn.inspect.__main__ import _run
-from granpinn.inspection.several import _of_range, experiments, percent
+from granpinn.uncertainty.expected import _of_range, experiments, percent
 
 
 def test_a_steep_chute_finds_I0_that_collapses_leave_open() -> None:
