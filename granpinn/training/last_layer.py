@@ -71,13 +71,15 @@ def improve(group: Sequence[Sums], at: Sequence[Unknowns]) -> Sequence[Unknowns]
         at: the unknowns of each, with one theta.
     """
     free, law, theta = group[0].free, group[0].law, at[0].theta
-    before, equations = _loss(group, at), []
+    losses = [sums.loss(own) for sums, own in zip(group, at, strict=True)]
+    weights = [losses[0] / loss for loss in losses]
+    before, equations = _loss(group, at, weights), []
     with torch.enable_grad():
-        for sums, own in zip(group, at, strict=True):
+        for sums, own, weight in zip(group, at, weights, strict=True):
             A, b = sums.normal_equations(own)
             if len(sums.differences):
                 before += sums.expect_smooth(A, b, own)
-            equations.append((A, b))
+            equations.append((weight * A, weight * b))
         steps = solve_group(equations, len(free))
     if steps is None:
         return at
@@ -89,13 +91,13 @@ def improve(group: Sequence[Sums], at: Sequence[Unknowns]) -> Sequence[Unknowns]
             for own, x in zip(at, steps, strict=True)
         ]
         short = relative_change(law, theta, moved) <= LONGEST
-        if short and law.admits(moved.tolist()) and _loss(group, found) < before:  # not for a NaN
+        if short and law.admits(moved.tolist()) and _loss(group, found, weights) < before:  # not for a NaN
             return found
     return at
 
 
-def _loss(group: Sequence[Sums], at: Sequence[Unknowns]) -> float:
-    return sum(sums.loss(own) for sums, own in zip(group, at, strict=True))
+def _loss(group: Sequence[Sums], at: Sequence[Unknowns], weights: Sequence[float]) -> float:
+    return sum(w * sums.loss(own) for sums, own, w in zip(group, at, weights, strict=True))
 
 
 def last_layer(

@@ -153,16 +153,18 @@ class Objective:
         rows = [self.group_of(e) for e in range(E)]
         return torch.tensor([row + [E] * (longest - len(row)) for row in rows], device=device)
 
-    def over_groups(self, grad_theta: Tensor) -> Tensor:
-        """The sum of the gradients [E, N] over the group of every member [E, N].
+    def over_groups(self, grad_theta: Tensor, loss: Tensor) -> Tensor:
+        """The gradients [E, N] over the losses [E], summed over the group of every member [E, N].
 
-        All members of a group add the same numbers in the same order: their sums are equal bit for
-        bit. A NaN stays in its group.
+        That is the gradient of the sum of log(loss), in units of the first loss of the group: the
+        likelihood of flows whose residuals have unknown sizes. All members of a group add the same
+        numbers in the same order: their sums are equal bit for bit. A NaN stays in its group.
         """
         if self._in_group is None:
             return grad_theta
-        with_zero = torch.cat([grad_theta, torch.zeros_like(grad_theta[:1])])
-        return with_zero[self._in_group].sum(1)
+        losses = torch.cat([loss, torch.ones_like(loss[:1])])[self._in_group]
+        every = torch.cat([grad_theta, torch.zeros_like(grad_theta[:1])])[self._in_group]
+        return (every * (losses[:, :1] / losses)[:, :, None]).sum(1)
 
     def data(self, member: int) -> TrainingSet:
         """All points of a member, pooled and on the device.

@@ -169,7 +169,7 @@ class Trainer:
         """Make the step at the counter of `control`, without a copy from device to host."""
         e = self.objective.evaluate(self.control, self.params, self.law_variables.theta, prefit)
         e = self.processes.all_reduce(e)
-        by_theta = self.objective.over_groups(e.grad_theta)
+        by_theta = self.objective.over_groups(e.grad_theta, e.loss)
         self.optimizer.step(e.loss, e.grad_params, by_theta, law_moves=not prefit)
         return e
 
