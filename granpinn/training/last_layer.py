@@ -91,7 +91,9 @@ def improve(group: Sequence[Sums], at: Sequence[Unknowns]) -> Sequence[Unknowns]
             for own, x in zip(at, steps, strict=True)
         ]
         short = relative_change(law, theta, moved) <= LONGEST
-        if short and law.admits(moved.tolist()) and _loss(group, found, weights) < before:  # not for a NaN
+        if (
+            short and law.admits(moved.tolist()) and _loss(group, found, weights) < before
+        ):  # not for a NaN
             return found
     return at
 

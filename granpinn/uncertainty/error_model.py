@@ -42,6 +42,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import special
+from scipy.linalg import block_diag
 
 from granpinn.arrays import Float64
 from granpinn.results.decoding import decode
@@ -129,7 +130,7 @@ class ErrorModel:
         freedom: degrees of freedom of Student's distribution.
         lower, upper: coefficients of log s at the ends of the range of I, by `COEFFICIENTS`.
         correlation: of the errors of log mu at both ends.
-        common: correlation of the errors of two flows at the same end.
+        common: correlation of the level of two flows of one material.
         level, tilt: standard deviation of the departure of real grains from mu(I), of log mu.
         free_curve: errors of a free curve at both ends over those of mu(I).
         cohesion: rms cohesion that is found in grains without any, over rho |g| H.
@@ -194,24 +195,20 @@ class ErrorModel:
 
     def grains(self, known: Known) -> Float64:
         """Covariance of log mu at both ends by the departure of real grains from mu(I) [2, 2]."""
-        both, opposite = self.level**2, self.tilt**2
-        rows = [[both + opposite, both - opposite], [both - opposite, both + opposite]]
-        return known.real * np.array(rows)
+        return self.of_flows([known])[1]
 
     def of_flows(self, flows: Sequence[Known]) -> tuple[Float64, Float64]:
-        """`method` and `grains` of F flows at once [2 F, 2 F].
+        """Covariance of log mu at both ends of F flows of one material [2 F, 2 F], in two parts.
 
-        The errors of two flows have the correlation `common`: part of them is that of the method
-        and of the material.
+        The first part is `method`. The second one is the departure of real grains from mu(I): all
+        flows have a part of the level in common, and each has its own tilt.
         """
-        between = np.full((len(flows), len(flows)), self.common)
-        np.fill_diagonal(between, 1.0)
-        s = np.concatenate([self.sd(known) for known in flows])
-        shape = [[1.0, self.correlation], [self.correlation, 1.0]]
-        method = np.outer(s, s) * np.kron(between, shape)
+        alone, both = np.eye(len(flows)), np.ones((2, 2))
+        level = self.level**2 * (self.common + (1 - self.common) * alone)
+        tilt = self.tilt**2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
         real = np.repeat([known.real for known in flows], 2)
-        departure = self.grains(flows[0]._replace(real=True))
-        return method, np.outer(real, real) * np.kron(between, departure)
+        departure = np.kron(level, both) + np.kron(alone, tilt)
+        return block_diag(*map(self.method, flows)), np.outer(real, real) * departure
 
     def outside(self, known: Known) -> tuple[str, ...]:
         """The quantities beyond the range of the fit, in words."""

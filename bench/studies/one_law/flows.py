@@ -20,8 +20,8 @@ DIAMETER = 0.025
 ASPECT = (3.0, 8.0)  # of the column
 STEEP = (0.6, 0.85)  # I/(I + I0) of the steady flow: (tan slope - mu_s)/(mu_2 - mu_s)
 DEPTH = (15.0, 30.0)  # of the layer, grain diameters
-CELLS, FRAMES, STRIDE = 256, 50, 2  # of a collapse
-LAYER_CELLS, LAYER_FRAMES = 24, 60  # of a chute
+CELLS, FRAMES, STRIDE = 512, 50, 4  # of a collapse
+LAYER_CELLS, LAYER_FRAMES = 64, 60  # of a chute
 
 
 def pair(seed: int, number: int) -> tuple[Task, Task]:

@@ -8,6 +8,7 @@ call goes on with the missing cases; `--part i/n` takes every n-th case. Setting
 own go to the identification (`--steps 200`).
 
 - pair: a collapse and a steep chute of one simulated material, flows.py.
+- long: the same flows with more steps, without the test that they have one law.
 - noisy: the same with 5 % of noise.
 - grains: scenes of grains with one friction (bench/studies/grains), one flow file each in SCENES.
 - foreign: three scenes of one friction and one of another.
@@ -47,7 +48,8 @@ from granpinn.results import Result, plain
 from granpinn.results.decoding import encode
 
 SEED, PAIRS, NOISY, TWICE, COST = 53, 20, 8, 8, 4
-NOISE = 0.05
+NOISE, LONG = 0.05, 100_000
+QUICK = ("long", "twice", "cost")  # without the test that the flows have one law
 FRICTIONS = ("0.2", "0.4", "0.7")
 SCENES = ("collapse_2", "chute_fast", "chute_fast_steady", "drum_filmed")
 OTHER_COLLAPSE = "collapse_6"
@@ -62,6 +64,7 @@ class Case:
         number: the seed of its trainings.
         paths: of the flow files.
         noise: that is added.
+        steps: of the training; None: those of the settings.
     """
 
     kind: str
@@ -69,6 +72,7 @@ class Case:
     number: int
     paths: tuple[Path, ...]
     noise: float = 0.0
+    steps: int | None = None
 
 
 def cases(flows: Path, scenes: Path, seed: int) -> list[Case]:
@@ -92,6 +96,7 @@ def cases(flows: Path, scenes: Path, seed: int) -> list[Case]:
         for scene in SCENES:
             rest = [OTHER_COLLAPSE if name == scene else name for name in SCENES]
             found.append(Case("same", f"{f}-{scene}", k, grains(f, rest)))
+    found += [Case("long", f"{seed}-{n:02d}", n, simulated(n), steps=LONG) for n in range(PAIRS)]
     found += [Case("noisy", f"{seed}-{n:02d}", n, simulated(n), NOISE) for n in range(NOISY)]
     found += [
         Case("twice", f"{seed}-{n}", n, simulated(n // 2)[n % 2 : n % 2 + 1] * 2, NOISE)
@@ -105,11 +110,16 @@ def cases(flows: Path, scenes: Path, seed: int) -> list[Case]:
 def made(case: Case, config: Config) -> dict[str, Any]:
     """The row of a case."""
     begin = time.monotonic()
-    config = dataclasses.replace(config, seed=config.seed + case.number, noise=case.noise)
+    config = dataclasses.replace(
+        config,
+        seed=config.seed + case.number,
+        noise=case.noise,
+        steps=case.steps or config.steps,
+    )
     flows: list[Flow] = [read_flow(path) for path in case.paths]
     truth = flows[0].truth
     flows = [as_measured(flow) if flow.of_solver else flow for flow in flows]
-    checks = "momentum_balance" if case.kind in ("twice", "cost") else "shared_law"
+    checks = "momentum_balance" if case.kind in QUICK else "shared_law"
     if case.kind == "cost":  # the first call of a process loads libraries
         identify_many(flows, config, checks="momentum_balance", keep_fields=False)
     joint = identify(flows, dataclasses.replace(config, checks=checks), one_law=True)
