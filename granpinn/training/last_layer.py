@@ -90,10 +90,8 @@ def improve(group: Sequence[Sums], at: Sequence[Unknowns]) -> Sequence[Unknowns]
             Unknowns(own.C + (part * x[: own.C.numel()]).view_as(own.C), moved)
             for own, x in zip(at, steps, strict=True)
         ]
-        short = relative_change(law, theta, moved) <= LONGEST
-        if (
-            short and law.admits(moved.tolist()) and _loss(group, found, weights) < before
-        ):  # not for a NaN
+        allowed = relative_change(law, theta, moved) <= LONGEST and law.admits(moved.tolist())
+        if allowed and _loss(group, found, weights) < before:  # not for a NaN
             return found
     return at
 
