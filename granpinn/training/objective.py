@@ -145,13 +145,17 @@ class Objective:
         """The members that have the friction law of a member, itself included."""
         return next(group for group in self.groups if member in group)
 
-    def _companions(self, device: torch.device) -> Tensor | None:
-        """The group of every member, filled up with E [E, W]; None if every law is its own."""
+    def _companions(self, device: torch.device) -> tuple[Tensor, Tensor] | None:
+        """The group of every member, filled up with the member itself, and 0 where it is filled up,
+        else 1 [E, W]; None if every law is its own.
+        """
         E, longest = len(self.members), max(map(len, self.groups))
         if longest == 1:
             return None
         rows = [self.group_of(e) for e in range(E)]
-        return torch.tensor([row + [E] * (longest - len(row)) for row in rows], device=device)
+        filled = [row + [e] * (longest - len(row)) for e, row in enumerate(rows)]
+        own = [[1.0] * len(row) + [0.0] * (longest - len(row)) for row in rows]
+        return torch.tensor(filled, device=device), self.term_weights.new_tensor(own)
 
     def over_groups(self, grad_theta: Tensor, loss: Tensor) -> Tensor:
         """The gradients [E, N] over the losses [E], summed over the group of every member [E, N].
@@ -162,9 +166,9 @@ class Objective:
         """
         if self._in_group is None:
             return grad_theta
-        losses = torch.cat([loss, torch.ones_like(loss[:1])])[self._in_group]
-        every = torch.cat([grad_theta, torch.zeros_like(grad_theta[:1])])[self._in_group]
-        return (every * (losses[:, :1] / losses)[:, :, None]).sum(1)
+        members, own = self._in_group
+        losses = loss[members]
+        return (grad_theta[members] * (own * losses[:, :1] / losses)[:, :, None]).sum(1)
 
     def data(self, member: int) -> TrainingSet:
         """All points of a member, pooled and on the device.

@@ -242,14 +242,13 @@ def test_one_flow_has_the_continuation_of_its_ends() -> None:
 
 def test_flows_with_one_law_are_one_least_squares_fit(seed: int) -> None:
     """Generalised least squares over both ends of both flows, drawn from the model."""
-    flows = [USUAL, OTHER]
-    C = np.zeros((4, 4))
+    flows = [USUAL, OTHER, OTHER]
+    C = np.zeros((6, 6))
     for f, a in enumerate(flows):
         for g, b in enumerate(flows):
-            shape = np.array([[1, -0.3], [-0.3, 1]])
-            block = np.outer(MODEL.sd(a), MODEL.sd(b)) * shape
-            block = block + (MODEL.grains(OTHER) if a.real and b.real else 0)
-            C[2 * f : 2 * f + 2, 2 * g : 2 * g + 2] = block * (1 if f == g else 0.4)
+            own = MODEL.method(a) + MODEL.grains(a)
+            level = a.real * b.real * 0.4 * MODEL.level**2 * np.ones((2, 2))
+            C[2 * f : 2 * f + 2, 2 * g : 2 * g + 2] = own if f == g else level
     J = np.vstack([np.diag(1 / known.ends) @ line(known.x) for known in flows])
     weights = np.linalg.inv(C)
     fit = np.linalg.solve(J.T @ weights @ J, J.T @ weights)
@@ -260,9 +259,10 @@ def test_flows_with_one_law_are_one_least_squares_fit(seed: int) -> None:
     np.testing.assert_allclose(found, fit @ C @ fit.T, rtol=1e-9)
 
 
-def test_the_same_flow_twice_averages_out_what_is_not_common() -> None:
-    once, twice = covariance_of([OTHER]), covariance_of([OTHER, OTHER])
-    np.testing.assert_allclose(twice, (1 + MODEL.common) / 2 * once, rtol=1e-9)
+def test_two_flows_average_out_all_but_the_level_of_their_grains() -> None:
+    level = continued(MODEL.common * MODEL.level**2 * np.ones((2, 2)), OTHER)
+    once, twice = covariance_of([OTHER]) - level, covariance_of([OTHER, OTHER]) - level
+    np.testing.assert_allclose(twice, once / 2, rtol=1e-9, atol=1e-15)
 
 
 def test_the_slope_by_I0_is_that_of_the_law() -> None:
