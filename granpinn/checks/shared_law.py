@@ -5,10 +5,13 @@ their errors of covariance C, and one law $\theta$ of L parameters that fits the
 
 $$ \chi^2 = \min_\theta\, (y - \log\mu(\theta))^T C^{-1} (y - \log\mu(\theta)). $$
 
-C has every part of the error bars: method and grains, of which a part is common to all flows
+C has every part of the error bars: method, grains, whose level is in part common to all flows
 (uncertainty/error_model.py), assumptions, and the scatter over seeds. p is the share of draws from
 these errors with a larger chi-square. So a p below 0.01 is a false alarm in 1 % of all groups, as
 far as the error model is right.
+
+The law that fits best weighs every flow by its errors, the training of one law by its residuals.
+Of grains it was the better one (bench/studies/one_law).
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -47,6 +51,7 @@ class LawApart:
         I: both ends of the range.
         mu, sd: friction there and its standard deviation.
         mu_joint: friction of the law of all flows there.
+        mu_best: friction of the law that fits the single laws best.
     """
 
     name: str
@@ -54,6 +59,7 @@ class LawApart:
     mu: tuple[float, float]
     sd: tuple[float, float]
     mu_joint: tuple[float, float]
+    mu_best: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,8 @@ class SharedLaw(Record):
     """
     Attributes:
         flows: each by itself.
-        chi_square, freedom: of the laws of the single flows around the one law that fits them best.
+        theta: parameters of the law that fits the laws of the single flows best.
+        chi_square, freedom: of the laws of the single flows around it.
         p_value: the probability of a larger chi-square if all flows have one law.
         outside: in what the single fits are beyond the error model, in words.
     """
@@ -75,6 +82,7 @@ class SharedLaw(Record):
     )
 
     flows: tuple[LawApart, ...]
+    theta: tuple[float, ...]
     chi_square: float
     freedom: int
     p_value: float
@@ -106,11 +114,14 @@ class SharedLaw(Record):
     @property
     def table(self) -> Table:
         rows = [
-            (flow.name, f"{I:.2g}", f"{mu:.3f} ± {sd:.3f}", f"{joint:.3f}")
+            (flow.name, f"{I:.2g}", f"{mu:.3f} ± {sd:.3f}", f"{joint:.3f}", f"{best:.3f}")
             for flow in self.flows
-            for I, mu, sd, joint in zip(flow.I, flow.mu, flow.sd, flow.mu_joint, strict=True)
+            for I, mu, sd, joint, best in zip(
+                flow.I, flow.mu, flow.sd, flow.mu_joint, flow.mu_best, strict=True
+            )
         ]
-        return Table(("flow", "I", "mu by itself", "mu of one law"), rows)
+        head = ("flow", "I", "mu by itself", "mu of one law", "mu of the best fit to all")
+        return Table(head, rows)
 
     def reasons(self, result: Result) -> list[Reason]:
         words = f"{self.words[0].upper()}{self.words[1:]}."
@@ -144,7 +155,7 @@ def compared(apart: Sequence[Result], cases: Sequence[Case], joint: Result) -> S
     """The laws of single flows against one law of all; CannotGoOn where one has no error bars."""
     if joint.law.name != DEFAULT.name:
         raise CannotGoOn(f"there are error bars for {DEFAULT.title} only")
-    laws, flows, own = [], [], []
+    flows, own, ranges = [], [], []
     for result, case, flow in zip(apart, cases, joint.flows, strict=True):
         if result.covariance is None or result.error_bars is None or result.members is None:
             raise CannotGoOn(f"{flow.input.name} has no error bars by itself: {result.law.reason}")
@@ -154,20 +165,38 @@ def compared(apart: Sequence[Result], cases: Sequence[Case], joint: Result) -> S
         flows.append(known)
         own.append(known.slopes @ of_run @ known.slopes.T)
         assert result.law.I_range is not None
-        I = np.array(result.law.I_range)
-        mu = joint.friction_law.friction(I, *joint.theta)
-        pairs = (I, known.ends, friction_sd(I, result, result.covariance), mu)
-        laws.append(LawApart(flow.input.name, *((float(a), float(b)) for a, b in pairs)))
-    I = np.concatenate([law.I for law in laws])
-    found = chi_square(flows, own, I, joint.friction_law, joint.theta)
+        ranges.append(np.array(result.law.I_range))
+    law = joint.friction_law
+    best = best_fit(flows, own, np.concatenate(ranges), law, joint.theta)
+    laws = []
+    for result, flow, known, I in zip(apart, joint.flows, flows, ranges, strict=True):
+        assert result.covariance is not None
+        sd = friction_sd(I, result, result.covariance)
+        mu = (known.ends, sd, law.friction(I, *joint.theta), law.friction(I, *best.theta))
+        pairs = ((float(low), float(high)) for low, high in (I, *mu))
+        laws.append(LawApart(flow.input.name, *pairs))
     words = tuple(dict.fromkeys(words for known in flows for words in load().outside(known)))
-    return SharedLaw(tuple(laws), *found, words)
+    return SharedLaw(tuple(laws), *best, words)
 
 
-def chi_square(
+class BestFit(NamedTuple):
+    """The law that fits the laws of single flows best, and their scatter around it.
+
+    Attributes:
+        theta: parameters of the law.
+        p_value: the share of draws from the errors with a larger chi-square.
+    """
+
+    theta: tuple[float, ...]
+    chi_square: float
+    freedom: int
+    p_value: float
+
+
+def best_fit(
     flows: Sequence[Known], own: Sequence[Float64], I: Float64, law: Law, theta: Sequence[float]
-) -> tuple[float, int, float]:
-    """Chi-square of the laws of F flows around the law that fits all best, its freedom, and p.
+) -> BestFit:
+    """The law that fits the laws of F flows best.
 
     Args:
         own: covariance of log mu at both ends that the error model does not hold, F times [2, 2].
@@ -192,7 +221,8 @@ def chi_square(
     drawn = rng.standard_normal((DRAWS, n)) * np.repeat(scale, 2, axis=1)
     drawn -= (drawn @ basis) @ basis.T
     above = int(np.count_nonzero(np.sum(drawn**2, axis=1) >= value))
-    return value, n - len(free), (1 + above) / (1 + DRAWS)
+    theta = tuple(np.exp(log_theta).tolist())
+    return BestFit(theta, value, n - len(free), (1 + above) / (1 + DRAWS))
 
 
 CHECK = Check("shared_law", SharedLaw, make, seconds=120.0, quick=False, trains=True)

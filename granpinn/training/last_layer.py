@@ -6,7 +6,8 @@ loss of the training,
 $$ \sum_k \frac{1}{2 n_k \sigma_k^2} \sum_i w_i^2 (r_{ik} + J_{ik} \delta)^2, $$
 
 in all coefficients C [5, F] and the L free parameters of the law together, on many points at once.
-Members of a group have one law: their losses add, each has its own C (`elimination.py`).
+Members of a group have one law: their losses add, each over its value at the start of the step.
+Each member has its own C (`elimination.py`).
 The descent before it leaves the scatter of its small batches; the steps
 remove it. They are repeated until the law has settled. A curve takes one step: a further one
 follows the noise of the training.

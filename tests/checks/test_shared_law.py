@@ -9,7 +9,7 @@ import pytest
 from scipy import optimize
 
 from granpinn.checks import shared_law
-from granpinn.checks.shared_law import DIFFERENT, SharedLaw, chi_square, compared
+from granpinn.checks.shared_law import DIFFERENT, BestFit, SharedLaw, best_fit, compared
 from granpinn.errors import CannotGoOn
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import Covariance, Parameters, Result
@@ -35,9 +35,9 @@ def known(I: tuple[float, float], error: np.ndarray) -> Known:
     return Known(x, (float(mu_s), float(mu_2)))
 
 
-def judged(flows: list[Known], free: bool = False) -> tuple[float, int, float]:
+def judged(flows: list[Known], free: bool = False) -> BestFit:
     law = DEFAULT.with_free({"I0": 0.3}) if free else DEFAULT
-    return chi_square(flows, [NONE] * len(flows), np.ravel(RANGES[: len(flows)]), law, THETA)
+    return best_fit(flows, [NONE] * len(flows), np.ravel(RANGES[: len(flows)]), law, THETA)
 
 
 def test_chi_square_is_that_of_the_law_that_fits_best(seed: int) -> None:
@@ -52,10 +52,11 @@ def test_chi_square_is_that_of_the_law_that_fits_best(seed: int) -> None:
             return W @ (y - np.log(DEFAULT.friction(np.ravel(RANGES), *theta)))
 
         best = optimize.least_squares(rest, start, xtol=1e-12, ftol=1e-12, gtol=1e-12)
-        value, freedom, p = judged(flows, free)
-        assert value == pytest.approx(2 * best.cost, rel=1e-4)
-        assert freedom == 6 - len(start)
-        assert 0 < p <= 1
+        found = judged(flows, free)
+        assert found.chi_square == pytest.approx(2 * best.cost, rel=1e-4)
+        assert found.theta[: len(start)] == pytest.approx(best.x, rel=1e-3)
+        assert found.freedom == 6 - len(start)
+        assert 0 < found.p_value <= 1
 
 
 @pytest.mark.parametrize("free", [False, True], ids=["I0 given", "I0 free"])
@@ -69,16 +70,16 @@ def test_one_law_is_seldom_called_two(free: bool, seed: int) -> None:
         errors = (triangle @ rng.standard_normal(6)).reshape(3, 2)
         errors *= np.sqrt(model.freedom / rng.chisquare(model.freedom, (3, 1)))
         flows = [known(I, e) for I, e in zip(RANGES, errors, strict=True)]
-        alarms += judged(flows, free)[2] < 0.1
+        alarms += judged(flows, free).p_value < 0.1
     assert 0.05 < alarms / draws < 0.16
 
 
 def test_errors_of_a_run_count_too() -> None:
     flows = [known(RANGES[0], np.zeros(2)), known(RANGES[1], np.full(2, 0.05))]
     I = np.ravel(RANGES[:2])
-    alone = chi_square(flows, [NONE] * 2, I, DEFAULT, THETA)
-    uncertain = chi_square(flows, [NONE, 0.03**2 * np.ones((2, 2))], I, DEFAULT, THETA)
-    assert uncertain[0] < alone[0] / 2
+    alone = best_fit(flows, [NONE] * 2, I, DEFAULT, THETA)
+    uncertain = best_fit(flows, [NONE, 0.03**2 * np.ones((2, 2))], I, DEFAULT, THETA)
+    assert uncertain.chi_square < alone.chi_square / 2
 
 
 C = np.array([[4e-6, -8e-6], [-8e-6, 1e-4]])
@@ -127,6 +128,8 @@ def test_another_friction_is_found_and_needs_care(monkeypatch: pytest.MonkeyPatc
     assert same.p_value == pytest.approx(1, abs=1e-3)
     assert same.reasons(result)[0].grade == GOOD
     assert same.flows[0].mu_joint == pytest.approx(same.flows[0].mu)
+    assert same.flows[0].mu_best == pytest.approx(same.flows[0].mu, rel=1e-3)
+    assert same.theta[:2] == pytest.approx(LAW, rel=1e-3)
     lost = dataclasses.replace(single(LAW), covariance=None)
     with pytest.raises(CannotGoOn, match="no error bars by itself"):
         against(single(LAW), lost)

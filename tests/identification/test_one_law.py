@@ -17,9 +17,12 @@ from granpinn.command.arguments import parse
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
 from granpinn.errors import BadInput
+from granpinn.fit import one_law
+from granpinn.fit.case import pose
 from granpinn.training.objective import Member
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars, sensitivity
+from granpinn.uncertainty.error_model import Known
 from tests.flows import make_flow
 from tests.runs import tiny
 
@@ -121,6 +124,28 @@ def test_an_assumption_of_one_flow_moves_the_law_of_all(
     assert copies[1][1].data is copies[3][1].data  # as it is
     assert copies[0][1].data is not copies[2][1].data  # a line one sd lower and higher
     assert all(assumed.derivative is not None for assumed in found.assumptions)
+
+
+@pytest.mark.parametrize(
+    ("sd", "noise", "free", "words"),
+    [
+        (0.05, 0.0, True, "I0 is identified: the expected error"),
+        (0.2, 0.0, False, "I0 is held at 0.3: the expected error"),
+        (0.05, 0.05, False, "I0 is held at 0.3: the noise of a flow is 5 % of its speed"),
+    ],
+)
+def test_I0_is_free_where_ranges_determine_it_and_noise_is_small(
+    sd: float, noise: float, free: bool, words: str, flow: Flow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = Known((0.1, 0.5), (0.4, 0.6), noise=noise, I0=0.3)
+    monkeypatch.setattr(one_law, "expected_of", lambda *arguments: known)
+    monkeypatch.setattr(one_law, "sd_of", lambda *arguments: {"I0": sd})
+    cases, said = one_law.with_free_I0([pose(flow, tiny()) for _ in range(2)])
+    assert [("I0" in case.member.law.free) for case in cases] == [free] * 2
+    assert said is not None
+    assert said.startswith(words)
+    given = [pose(flow, tiny(I0=0.25)) for _ in range(2)]
+    assert one_law.with_free_I0(given) == (given, None)
 
 
 def test_flows_without_error_bars_say_which_flow(

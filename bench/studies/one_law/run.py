@@ -42,6 +42,7 @@ from bench.studies.one_law.flows import make_pairs, pair
 from granpinn import identify, identify_many, read_flow
 from granpinn.config import Config
 from granpinn.data import Flow
+from granpinn.fit.case import Case as Posed
 from granpinn.fit.case import pose
 from granpinn.fit.one_law import known_of
 from granpinn.results import Result, plain
@@ -131,12 +132,13 @@ def made(case: Case, config: Config) -> dict[str, Any]:
     shared = joint.checks.get("shared_law")
     record = {
         "truth": None if truth is None else [truth.mu_s, truth.mu_2, truth.I0],
-        "joint": of(joint),
-        "flows": [
-            of(r) | {"known": known_of(r, c)} for r, c in zip(joint.each, posed, strict=True)
-        ],
+        "joint": {
+            "parameters": encode(joint.parameters),
+            "covariance": encode(joint.covariance),
+        },
+        "flows": [of(r, c) for r, c in zip(joint.each, posed, strict=True)],
         "apart": [
-            of(r) | {"known": known_of(r, c)}
+            of(r, c) | {"parameters": encode(r.parameters)}
             for r, c in zip(apart, posed[: len(apart)], strict=True)
         ],
         "shared_law": None if shared is None else encode(shared),
@@ -153,24 +155,13 @@ def made(case: Case, config: Config) -> dict[str, Any]:
         "joint_s": round(joint.timing.wall_s, 2),
         "apart_s": round(apart[0].timing.wall_s, 2),
         "failure": joint.failure,
-        "record": json.dumps(plain(record)),
+        "record": json.dumps(plain(record), separators=(",", ":")),
     }
 
 
-def of(result: Result) -> dict[str, Any]:
-    """What a row keeps of a result."""
-    return {
-        "parameters": encode(result.parameters),
-        "covariance": encode(result.covariance),
-        "error_bars": encode(result.error_bars),
-        "assumptions": encode(result.assumptions),
-        "determined": encode(result.determined),
-        "I_range": result.law.I_range,
-        "residuals": encode(result.residuals),
-        "members": encode(result.members),
-        "reason": result.law.reason,
-        "grade": result.assessment.grade,
-    }
+def of(result: Result, case: Posed) -> dict[str, Any]:
+    """What a row keeps of the fit of a flow."""
+    return {"I_range": result.law.I_range, "known": known_of(result, case)}
 
 
 def append(path: Path, row: dict[str, Any]) -> None:
@@ -178,7 +169,7 @@ def append(path: Path, row: dict[str, Any]) -> None:
     with path.open("a", encoding="utf-8", newline="") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         text = io.StringIO(newline="")
-        writer = csv.DictWriter(text, COLUMNS)
+        writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
         if file.tell() == 0:
             writer.writeheader()
         writer.writerow(row)
