@@ -29,7 +29,7 @@ from granpinn.errors import CannotGoOn
 from granpinn.fit.case import Case
 from granpinn.fit.context import Context, values_alone
 from granpinn.fit.one_law import known_of
-from granpinn.physics.laws import DEFAULT, Law
+from granpinn.physics.laws import DEFAULT, FrictionLaw
 from granpinn.physics.rheology import by_parameters
 from granpinn.results import Result
 from granpinn.results.record import CARE, GOOD, Check, Reason, Record, Table
@@ -194,7 +194,11 @@ class BestFit(NamedTuple):
 
 
 def best_fit(
-    flows: Sequence[Known], own: Sequence[Float64], I: Float64, law: Law, theta: Sequence[float]
+    flows: Sequence[Known],
+    own: Sequence[Float64],
+    I: Float64,
+    law: FrictionLaw,
+    theta: Sequence[float],
 ) -> BestFit:
     """The law that fits the laws of F flows best.
 

@@ -71,7 +71,7 @@ class Config:
         (), "further flow files, which have one friction law with the first", free=True
     )
     out: str | None = setting(
-        None, "folder of the run: results, fields, figures, checkpoints", free=True
+        None, "folder of the run: results, fields, figures, checkpoints", free=True, metavar="DIR"
     )
     level: Level = setting(
         "V1",
@@ -136,6 +136,7 @@ class Config:
         "what else to compute, to trust the numbers: none, quick (what takes seconds), all, or "
         "names of checks, with commas between them",
         free=True,
+        metavar="NAME,...",
     )
     compare_laws: bool = setting(
         False,

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from granpinn.arrays import Float32, Float64, Floats
+from granpinn.arrays import Float32, Floats
 from granpinn.data.flow import Flow, Particles, Surface
 from granpinn.data.particles import grid_view
 from granpinn.declared import checked
@@ -85,12 +85,6 @@ def stated_sigmas(flow: Flow) -> tuple[Any, Any]:
     pairs = zip(own, (flow.sigma_u, flow.sigma_v), strict=True)
     sigma_u, sigma_v = (next((s for s in pair if s is not None), 0.0) for pair in pairs)
     return sigma_u, sigma_v
-
-
-def inverse_variance(sigma_u: Floats, sigma_v: Floats) -> Float64:
-    """1/(sigma_u^2 + sigma_v^2) [n]."""
-    variance = sum(np.square(s, dtype=np.float64) for s in (sigma_u, sigma_v))
-    return np.asarray(1 / np.asarray(variance))
 
 
 def max_speed(flow: Flow) -> float:

@@ -138,7 +138,7 @@ def result_of(contexts: Sequence[Context], config: Config) -> Result:
         means = np.array([r.determined.I for r in results if r.determined is not None])
         x = float(np.mean(means / (means + I0)))
         found = determined_over(result, Range(low, high, I0 * x / (1 - x)), ranges)
-        result = applied(result, found)
+        result = result if found is None else applied(result, found)
     return curve.over(result, (low, high))
 
 

@@ -29,7 +29,7 @@ from granpinn.identification.start import (
 )
 from granpinn.laws import register
 from granpinn.output import owned
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.results import Result
 from granpinn.results.record import make
 from granpinn.second_opinion.threads import threads
@@ -46,7 +46,7 @@ def identify(
     *,
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
-    law: Law | str | None = None,
+    law: FrictionLaw | str | None = None,
     one_law: bool = False,
     on_step: Callable[[Row], Any] | None = None,
     on_values: Callable[[Result], Any] | None = None,
@@ -85,9 +85,9 @@ def identify(
         Interrupted: SIGINT, SIGTERM or SIGHUP; a checkpoint has been written if there is a folder.
     """
     begin, folder = time.monotonic() - reserve, folder_of(run_dir)
-    if isinstance(law, Law):
+    if isinstance(law, FrictionLaw):
         register(law)
-    named = {} if law is None else {"law": law.name if isinstance(law, Law) else law}
+    named = {} if law is None else {"law": law.name if isinstance(law, FrictionLaw) else law}
     config = config_of(config, settings | named)
     if not isinstance(flow, Flow | str | os.PathLike):
         if not flow or not one_law:

@@ -115,7 +115,7 @@ def last_layer(
     every, at = [], []
     for member, params, theta in group:
         spec = member.problem.spec
-        features = Features(spec, params)
+        features = Features(spec, params, member.problem.window)
         points = choose(member.data, features, member.seed, step)
         every.append(Sums(features, member.problem, member.law, points))
         at.append(Unknowns(coefficients(spec, params), theta.double()))

@@ -16,7 +16,7 @@ from torch import Tensor
 from granpinn.config import Batch, ConfigError
 from granpinn.data import Flow, TrainingSet
 from granpinn.kernels.step_ops import Draw
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.terms import LossPoints
 from granpinn.training.control_table import ControlTable
 from granpinn.training.operators import operators_of
@@ -40,7 +40,7 @@ class Member:
     problem: Problem
     data: TrainingSet
     seed: int
-    law: Law
+    law: FrictionLaw
     fixed: Mapping[str, float]
     flow: Flow | None = None
     group: int | None = None

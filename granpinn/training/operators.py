@@ -18,7 +18,7 @@ from granpinn import reference
 from granpinn.kernels import ops, step_ops
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.constants import Physics
-from granpinn.physics.laws import LAWS, Law
+from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.terms import NAMES, RESIDUALS, LossPoints
 from granpinn.training.equations import residuals
 
@@ -42,7 +42,7 @@ class Operators(NamedTuple):
     captured: bool
 
 
-def operators_of(laws: Sequence[Law]) -> Operators:
+def operators_of(laws: Sequence[FrictionLaw]) -> Operators:
     """The operators for the laws of the members of one run.
 
     Raises:

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn import identify, reference, results, train
+from granpinn import identify, reference, results
 from granpinn.checks import wanted
 from granpinn.checks.profile_of_I0 import Profile, grid_of, profile_from
+from granpinn.commands import train
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.fit.case import pose

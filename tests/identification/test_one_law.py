@@ -13,7 +13,7 @@ import pytest
 
 from granpinn import Config, Identification, identify, load, results, simulate
 from granpinn.command import training_run
-from granpinn.command.arguments import parse
+from granpinn.commands.train import parse
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
 from granpinn.errors import BadInput

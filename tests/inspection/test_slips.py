@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn import train
+from granpinn.commands import inspect, train
 from granpinn.config import Config
 from granpinn.data import Flow, FlowFileWarning, Particles, add_noise, particle_flow, write_flow
 from granpinn.data import read_flow as read
 from granpinn.fit.case import pose
-from granpinn.inspect import __main__ as inspect
 from granpinn.inspection import quick
 from granpinn.inspection.frames import UNSTEADY
 from granpinn.simulation import demo_path, simulate

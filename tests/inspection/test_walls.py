@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from granpinn.commands.train import main
 from granpinn.config import Config, Network
 from granpinn.data import Flow, Surface, Walls, write_flow
 from granpinn.estimates.confined import NO_PRESSURE, NO_WORK_WORDS, undetermined
@@ -18,7 +19,6 @@ from granpinn.inspection import inspect
 from granpinn.inspection.momentum_balance import baseline
 from granpinn.results import read_results
 from granpinn.results.results_csv import write_csv
-from granpinn.train import main
 from tests.data.walled import FLOOR, line, single
 from tests.flows import make_chute
 from tests.inspection.chutes import chute

@@ -15,7 +15,7 @@ import pytest
 import torch
 
 from granpinn import identify, identify_many, results
-from granpinn.command.arguments import parse
+from granpinn.commands.train import parse
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, write_flow
 from granpinn.errors import CannotGoOn

@@ -127,7 +127,7 @@ def test_a_full_disk_ends_the_run_and_leaves_the_checkpoint_before(
     folder = tmp_path / "run"
     code = (
         "import resource, signal, sys\n"
-        "from granpinn.train import main\n"
+        "from granpinn.commands.train import main\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (8192, resource.RLIM_INFINITY))\n"
         "sys.exit(main(sys.argv[1:]))\n"
@@ -203,7 +203,7 @@ CHILD = """
 import importlib, sys, time
 from granpinn.command import exit_codes
 exit_codes.guard_process("train")
-from granpinn import train
+from granpinn.commands import train
 from granpinn.training import checkpoint
 place, before, slow = sys.argv[1], int(sys.argv[2]), sys.argv[3] == "slow"
 module, _, path = place.partition(":")

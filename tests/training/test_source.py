@@ -15,7 +15,7 @@ from granpinn.arrays import Float64
 from granpinn.config import Batch
 from granpinn.data import Flow, FlowFileError, write_flow
 from granpinn.data.flow import Source
-from granpinn.data.source import source_at
+from granpinn.data.points import source_at
 from granpinn.fit.case import Case, pose
 from granpinn.inspection import quick
 from granpinn.inspection.momentum_balance import baseline

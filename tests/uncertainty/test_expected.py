@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from granpinn.commands.inspect import run
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
-from granpinn.inspect.__main__ import _run
 from granpinn.uncertainty.expected import _of_range, experiments, percent
 
 
@@ -26,10 +26,10 @@ def test_the_command_takes_several_flows(
     paths = [str(tmp_path / name) for name in ("a.h5", "b.h5")]
     for path in paths:
         write_flow(flow, Path(path))
-    assert _run(paths) == 0
+    assert run(paths) == 0
     text = capsys.readouterr().out
     assert "a.h5: I = " in text
     assert "and a chute from rest" in text
     assert "--one-law" in text
     with pytest.raises(ConfigError, match="inspect one at a time"):
-        _run([*paths, "--json"])
+        run([*paths, "--json"])

@@ -9,17 +9,16 @@ Exit codes: 0 done; 2 bad input; 1 a run could not be read, or the table cannot 
 
 from __future__ import annotations
 
-from granpinn.command import exit_codes
-
 if __name__ == "__main__":
-    exit_codes.guard_process("collect")
+    from granpinn.command import cli
 
-import argparse
-import sys
+    cli.start("collect")
+
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from granpinn.command.parser import Parser, program
+from granpinn.command.cli import Command
+from granpinn.command.parser import Parser
 from granpinn.config import ConfigError
 from granpinn.errors import BadInput
 from granpinn.output import objection_to_file
@@ -37,25 +36,24 @@ EXAMPLES = """examples:
       two runs, in the terminal alone"""
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; its exit code."""
-    return exit_codes.exit_code("collect", lambda: _run(sys.argv[1:] if argv is None else argv))
-
-
-def _run(argv: Sequence[str]) -> int:
-    parser = Parser(
-        prog=program("collect"),
-        usage="%(prog)s RUN... [--out FILE.csv]",
-        description="Collect the results of finished runs in one table.",
-        epilog=EXAMPLES.replace("python -m granpinn.collect", program("collect")),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
+def parser() -> Parser:
+    made = Parser(
+        "collect",
+        "RUN... [--out FILE.csv]",
+        "Collect the results of finished runs in one table.",
+        EXAMPLES,
     )
-    parser.add_argument(
+    made.add_argument(
         "runs", metavar="RUN", type=Path, nargs="+", help="a run folder, or one with runs below it"
     )
-    parser.add_argument("--out", metavar="FILE.csv", type=Path, help="file for the table")
-    options = parser.parse_args(argv)
+    made.add_argument(
+        "--out", metavar="FILE.csv", type=Path, default=None, help="file for the table"
+    )
+    return made
+
+
+def run(argv: Sequence[str]) -> int:
+    options = parser().parse_args(argv)
     if options.out is not None and (objection := objection_to_file(options.out)):
         raise ConfigError(f"--out {objection}")
     rows, unread = collected(options.runs)
@@ -118,5 +116,4 @@ def line(cells: dict[str, Cell]) -> str:
     return f"{words}; {cells['assessment']}"
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = Command("collect", parser, run)

@@ -6,16 +6,15 @@ reported like every other result. Exit code 0 if the kernels work, 1 otherwise, 
 
 from __future__ import annotations
 
-from granpinn.command import exit_codes
-
 if __name__ == "__main__":
-    exit_codes.guard_process("doctor")
+    from granpinn.command import cli
+
+    cli.start("doctor")
 
 import importlib.util
 import json
 import os
 import platform
-import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -23,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import granpinn
-from granpinn.command.parser import Parser, program
+from granpinn.command.cli import Command
+from granpinn.command.parser import Parser
 
 Section = dict[str, Any]
 
@@ -237,15 +237,14 @@ def examine() -> tuple[dict[str, Section], str | None]:
     return report, None
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Prints the report as text, or with --json for programs; returns the exit code."""
-    return exit_codes.exit_code("doctor", lambda: _run(sys.argv[1:] if argv is None else argv))
+def parser() -> Parser:
+    made = Parser("doctor", "[--json]", "Show what is installed, which kernels run and why.")
+    made.add_argument("--json", action="store_true", default=False, help="print the report as JSON")
+    return made
 
 
-def _run(argv: Sequence[str]) -> int:
-    parser = Parser(prog=program("doctor"), description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print the report as JSON")
-    options = parser.parse_args(argv)
+def run(argv: Sequence[str]) -> int:
+    options = parser().parse_args(argv)
     report, trouble = examine()
     if options.json:
         print(json.dumps({"works": trouble is None, "trouble": trouble, **report}, indent=2))
@@ -258,5 +257,4 @@ def _run(argv: Sequence[str]) -> int:
     return 1 if trouble else 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = Command("doctor", parser, run)
