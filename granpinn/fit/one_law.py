@@ -21,10 +21,9 @@ from granpinn.uncertainty import curve
 from granpinn.uncertainty.determined import LARGEST, Range, applied, determined_over
 from granpinn.uncertainty.error_bars import estimate, sd_of
 from granpinn.uncertainty.error_model import Known, Pair, ends_of, load
-from granpinn.uncertainty.expected import expected_of
+from granpinn.uncertainty.expected import NOISE_OF_I0, expected_of
 
-# Where bench/studies/one_law found that the error bars of I0 hold; noise over the rms speed.
-STEPS_OF_I0, NOISE_OF_I0 = 100_000, 0.01
+STEPS_OF_I0 = 100_000  # with them error bars of I0 hold (bench/studies/one_law)
 
 
 def with_free_I0(cases: Sequence[Case]) -> tuple[list[Case], str | None]:

@@ -24,6 +24,7 @@ from granpinn.uncertainty.error_bars import sd_of
 from granpinn.uncertainty.error_model import Known, ends_of, load
 
 COLLAPSE, CHUTE = (0.2, 6.0), (0.05, 0.5)
+NOISE_OF_I0 = 0.01  # over the rms speed; error bars of I0 hold up to it (bench/studies/one_law)
 WIDTHS = (100, 50, 25)  # of a column, grain diameters
 SLOPES = (0.3, 0.5, 0.7, 0.85)  # (tan slope - mu_s) / (mu_2 - mu_s)
 
@@ -92,6 +93,11 @@ def lines(flows: Sequence[Flow]) -> list[str]:
     real = any(flow.real for flow in every)
     for name, I_range in experiments().items():
         text.append(_row(f"and a {name}", percent([*every, _of_range(I_range, real)])))
+    if (noise := max(flow.noise for flow in every)) > NOISE_OF_I0:
+        text.append(
+            f"a training holds I0: the noise of a flow is {100 * noise:.2g} % of its speed, and "
+            f"error bars of I0 hold up to {100 * NOISE_OF_I0:g} %"
+        )
     return text
 
 

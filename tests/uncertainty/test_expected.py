@@ -9,6 +9,7 @@ import pytest
 from granpinn.commands.inspect import run
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
+from granpinn.data.noise import add_noise
 from granpinn.uncertainty.expected import _of_range, experiments, percent
 
 
@@ -31,5 +32,9 @@ def test_the_command_takes_several_flows(
     assert "a.h5: I = " in text
     assert "and a chute from rest" in text
     assert "--one-law" in text
+    assert "holds I0" not in text
+    write_flow(add_noise(flow, 0.05, seed=0), Path(paths[0]))
+    assert run(paths) == 0
+    assert "a training holds I0: the noise of a flow is" in capsys.readouterr().out
     with pytest.raises(ConfigError, match="inspect one at a time"):
         run([*paths, "--json"])
