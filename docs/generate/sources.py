@@ -223,6 +223,7 @@ def checks_table() -> Iterator[str]:
     for check in every(FIT):
         made = ["by default"] if check.quick else []
         made += [f"`--{check.flag.replace('_', '-')}`"] if check.flag else []
+        made = made or [f"`--checks {check.name}`"]
         title, seconds = check.record.title, f"{check.seconds:,.0f}"
         yield f"| {title} | `{check.name}` | {', '.join(made)} | {seconds} |"
 

@@ -31,6 +31,7 @@ def lines(result: Result) -> list[str]:
         for row in rows
     ]
     made.append(f"mu(I)   {_curve(result)}")
+    made += [f"flow    {flow}" for flow in result.flows]
     made.append(f"{result.assessment.grade.upper():4s}    {evidence(result)}")
     return made
 

@@ -27,6 +27,7 @@ TRUE = dataclasses.replace(
     upper={"constant": -6.6, "outline": 0.8, "noise": 0.1, "misfit": 0.9, "law": 0.3, "steps": 0.5}
     | {"reach": -0.8, "contrast": 2.0},
     correlation=-0.3,
+    common=0.4,
     level=0.02,
     tilt=0.03,
     tested=dict.fromkeys(error_model.WORDS, (1e-9, 1e3)),

@@ -24,8 +24,9 @@ from granpinn.results import (
     write_csv,
     write_results,
 )
-from granpinn.results.assessment import CONDITIONS, GRADES
+from granpinn.results.assessment import CONDITIONS, GRADES, Assessment
 from granpinn.results.compared_law import ComparedLaw
+from granpinn.results.flow_of_law import FlowOfLaw
 from granpinn.results.identified_law import Curve
 from granpinn.results.record import Reason
 from tests.examples import BASELINE, make_result
@@ -95,6 +96,13 @@ def bootstrap(rms: float) -> dict[str, Any]:
     return {"checks": {"bootstrap": record}}
 
 
+def of_flows(grade: str) -> dict[str, Any]:
+    limited = Assessment(grade, "a headline", ("It is noisy.",))
+    bad = replace(EXAMPLE.input, name="b.h5")
+    good = FlowOfLaw(EXAMPLE.input, EXAMPLE.data, None, None, Assessment("good", "good", ("Yes.",)))
+    return {"flows": (good, FlowOfLaw(bad, EXAMPLE.data, None, None, limited))}
+
+
 # Changes of a result that is good, its grade then, and words of the first reason.
 CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "as it is": ({}, "good", "mu(I) is known to +- 6.1 %: 0.420 (0.400 to 0.440) at I = 0.01"),
@@ -153,6 +161,8 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
         "care",
         "The data support another law: a constant friction of 0.4 explains these data",
     ),
+    "one of its flows": (of_flows("care"), "care", "b.h5: It is noisy."),
+    "a bad one of its flows": (of_flows("do not use"), "do not use", "b.h5: It is noisy."),
     "narrow": (bootstrap(0.05), "care", "The error bars may be too narrow: the rms error of"),
     "narrow by chance": (bootstrap(0.03), "good", "mu(I) is known to"),
 }
