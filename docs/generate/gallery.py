@@ -86,7 +86,7 @@ CASES = {
         "A law of your own",
         "mu = mu_s + b I, written in torch ([guide](guides/own-law.md)).",
         ("python examples/own_law.py --out own-law",),
-        of_run("own-law", "friction_law", "pressure"),
+        of_run("own-law", "friction_law"),
     ),
     "burgers": Case(
         "Another equation",
