@@ -33,7 +33,7 @@ from granpinn.uncertainty.sensitivity import covariance, unknown
 
 NAMES = ("mu_s", "mu_2")
 DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
-STARTS = ("rheology.start", "rheology.random_start")  # no influence (bench/studies/recipe)
+STARTS = ("rheology.start", "rheology.random_start")  # no influence (bench/studies/ablation)
 
 
 def center(members: Members, law: FrictionLaw = DEFAULT) -> tuple[float, ...]:
