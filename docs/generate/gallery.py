@@ -60,7 +60,7 @@ CASES = {
             "granpinn simulate chute --slope 27 --height 20 --d 1 --out chute.h5",
             "granpinn train chute.h5 --out chute",
         ),
-        of_run("chute", "profiles", "friction_law"),
+        of_run("chute", "velocity", "friction_law"),
     ),
     "drum": Case(
         "Grains in a rotating drum",

@@ -45,7 +45,7 @@ from granpinn.uncertainty.error_model import (
 from granpinn.uncertainty.sensitivity import covariance, unknown
 
 DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
-STARTS = ("rheology.start", "rheology.random_start")  # no influence (bench/studies/recipe)
+STARTS = ("rheology.start", "rheology.random_start")  # no influence (bench/studies/ablation)
 
 
 def center(members: Members, law: FrictionLaw = DEFAULT) -> tuple[float, ...]:
