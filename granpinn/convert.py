@@ -14,25 +14,17 @@ if __name__ == "__main__":
     exit_codes.guard_process("convert")
 
 import argparse
-import dataclasses
 import sys
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from granpinn.command import flow_warnings
 from granpinn.command.callable_module import call_like
-from granpinn.command.next_step import training_of
+from granpinn.command.conversion import add_flags, check_out, joined, write_checked
 from granpinn.command.parser import Parser, program
-from granpinn.config.fields import flag_of
-from granpinn.config.values import number, whole
-from granpinn.data import FlowFileWarning, write_flow
-from granpinn.importers import DataFileError, Settings, convert
+from granpinn.importers import Settings, convert
 from granpinn.importers.formats import FORMATS
-from granpinn.inspection import quick
-from granpinn.output import objection_to_file, shell_word
-from granpinn.results.record import IMPOSSIBLE
 
 EXAMPLES = """examples:
   python -m granpinn.convert run/PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" \\
@@ -50,16 +42,6 @@ EXAMPLES = """examples:
 units: any that make sense ("0.12 mm/px", "8.3 px/mm", "2 ms", "2.5 g/cm^3"); the flow file has SI.
 What is missing is named. docs/guides/importing.md has the steps for every instrument."""
 
-GROUPS = {
-    "files": "which files, and what of them",
-    "calibration": "units: needed only where the files do not say",
-    "frame": "axes: x to the right, y up",
-    "flow": "where it does not change",
-    "material": "the grains",
-    "grains": "where the grains end",
-}
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
 
@@ -67,18 +49,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         sources, out, settings = parse(sys.argv[1:] if argv is None else argv)
         with flow_warnings.in_one_line():
             flow = convert(sources, settings, report=print)
-            slips = quick(flow).slips
-            for slip in slips:
-                warnings.warn(str(slip), FlowFileWarning, stacklevel=2)
-            if not settings.force and any(slip.grade == IMPOSSIBLE for slip in slips):
-                raise DataFileError(
-                    "the vectors are impossible, as the warnings say, and no flow file was written:"
-                    " correct the units, scale, rate or axes, or give --force to write it all the"
-                    " same"
-                )
-            write_flow(flow, out)
+            step = write_checked(flow, out, settings.force)
         print(f"flow file: {out}")
-        step = f"{program('inspect')} {shell_word(out)}" if slips else training_of(flow, out)
         print(f"next: {step}")
         return 0
 
@@ -99,37 +71,12 @@ def parse(argv: Sequence[str]) -> tuple[list[Path], Path, Settings]:
     )
     parser.add_argument("sources", nargs="+", metavar="IN", help="files, folders or patterns")
     parser.add_argument("--out", required=True, metavar="FLOW.h5", help="the flow file to write")
-    groups = {name: parser.add_argument_group(name, text) for name, text in GROUPS.items()}
-    for field in dataclasses.fields(Settings):
-        text = field.metadata["help"].replace("%", "%%")
-        group, flag = groups[field.metadata["group"]], flag_of(field.name)
-        if str(field.type) == "bool":
-            group.add_argument(flag, dest=field.name, action="store_true", help=text)
-            continue
-        if field.default is not None:
-            text += f" (default {field.default})"
-        kind = {"int": whole, "float | None": number}.get(str(field.type), str)
-        group.add_argument(flag, dest=field.name, metavar="VALUE", type=kind, help=text)
-    given: dict[str, Any] = vars(parser.parse_args(_joined(argv)))
+    add_flags(parser, Settings)
+    given: dict[str, Any] = vars(parser.parse_args(joined(argv)))
     sources = [Path(source) for source in given.pop("sources")]
     out = Path(given.pop("out"))
-    if objection := objection_to_file(out):
-        raise DataFileError(f"--out {objection}")
-    if out.exists() and any(source.exists() and source.samefile(out) for source in sources):
-        raise DataFileError(f"--out must be another file than the data, got {out}")
+    check_out(out, sources)
     return sources, out, Settings(**given)
-
-
-def _joined(argv: Sequence[str]) -> list[str]:
-    """`--tilt "-1.2 deg"` as one argument, because argparse takes -1.2 for a flag."""
-    joined: list[str] = []
-    for argument in argv:
-        negative = argument[:1] == "-" and argument[1:2].isdigit()
-        if negative and joined and joined[-1].startswith("--") and "=" not in joined[-1]:
-            joined[-1] += f"={argument}"
-        else:
-            joined.append(argument)
-    return joined
 
 
 def _formats() -> str:
