@@ -42,6 +42,7 @@ EXAMPLES = """examples:
 units: any that make sense ("0.12 mm/px", "8.3 px/mm", "2 ms", "2.5 g/cm^3"); the flow file has SI.
 What is missing is named. docs/guides/importing.md has the steps for every instrument."""
 
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command and returns its exit code."""
 

@@ -23,7 +23,6 @@ from granpinn.film.survey import Judgement, Survey, judged, survey
 from granpinn.film.tracking import LONGEST, Vectors, velocities
 from granpinn.importers import DataFileError, Settings, convert, units, vector_fields
 from granpinn.importers.limits import read_file
-from granpinn.importers.reading import settings_of
 from granpinn.importers.settings import SURFACES
 from granpinn.importers.vectors import VectorFields
 
@@ -31,7 +30,7 @@ MAX_FIELDS = 200  # frames with vectors, unless --frames chooses others
 SAMPLES = 9  # pictures for the segmentation
 FEWEST = 30  # vectors of a frame
 RISING = 0.1  # mean velocity against gravity, of the rms speed
-SHOWN = (0.25, 0.5, 0.75)  # of the fields, for the page
+SHOWN = (0.25, 0.6)  # of the fields, for the page
 # Flags of `convert` that have no meaning for pictures.
 WITHOUT = (
     *("format", "fields", "columns", "zeros", "drop_duplicates", "keep_interpolated"),
@@ -84,48 +83,12 @@ class Measured:
     said: list[str]
 
 
-def film(
-    sources: str | Path | Sequence[str | Path],
-    *,
-    page: str | Path | None = None,
-    report: Callable[[str], None] | None = None,
-    **settings: Any,
-) -> Flow:
-    """A flow from the frames of a film.
-
-        flow = granpinn.film(
-            "frames/*.png", scale="0.12 mm/px", frame_rate="1500 Hz", grain_diameter="0.8 mm",
-            grain_density="2500 kg/m^3", solid_fraction=0.6, page="film.html",
-        )
-
-    Args:
-        sources: images, a folder or pattern of them, or one video.
-        page: HTML file with a picture of every stage.
-        report: called with every line of a report.
-        settings: as of `python -m granpinn.film`, with _ for -.
-
-    Raises:
-        DataFileError: the film or a setting cannot be used; one sentence.
-    """
-    for name in settings:
-        if name in WITHOUT:
-            raise DataFileError(f"{name} is no setting of a film: leave it out")
-    roi = settings.pop("roi", None)
-    plain = dataclasses.asdict(settings_of(settings))
-    measured = measure(sources, FilmSettings(**plain, roi=roi), report)
-    if page is not None:
-        from granpinn.film.page import write  # matplotlib is slow to import
-
-        write(measured, Path(page))
-    return measured.flow
-
-
 def measure(
     sources: str | Path | Sequence[str | Path],
     settings: FilmSettings,
     report: Callable[[str], None] | None = None,
 ) -> Measured:
-    """The flow of a film with all stages; arguments and errors as of `film`."""
+    """The flow of a film with all stages; arguments and errors as of `granpinn.film`."""
     tell = report or (lambda line: None)
     grain = _grain(settings)
     frames = opened([sources] if isinstance(sources, str | Path) else list(sources))
@@ -157,7 +120,8 @@ def measure(
         tilt = units.si(settings.tilt, "angle", "--tilt", "'1.2 deg'")
         line, area = traced(np.stack(levels), times, grain, (shape[0], shape[1]), view, tilt)
     vectors = _fields(joined, t)
-    given = None if line is None else (line.t, line.x, shape[0] - line.y)
+    # Pixel 0 reaches from 0 to 1 in the line, and its center is 0 in the vectors.
+    given = None if line is None else (line.t, line.x - 0.5, shape[0] - line.y - 0.5)
     flow = convert(vectors, _settings(settings, judgement, t), report, given)
     return Measured(flow, found, judgement, segmentation, fields, line, area, steps, said)
 

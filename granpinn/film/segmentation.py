@@ -67,7 +67,7 @@ class Segmentation:
         """Not 0 at the pixels inside the grains and the view [rows, columns]."""
         rows, columns = picture.shape
         if self.useful:
-            level = without_holes(self.level(picture), np.array([0.0, -1.0]))
+            level = without_holes(self.level(picture).astype(np.float64), np.array([0.0, -1.0]))
             large = cv2.resize(level, (columns, rows), interpolation=cv2.INTER_LINEAR)
             inside = np.where(large > HALF, 255, 0).astype(np.uint8)
         else:

@@ -7,7 +7,8 @@ and the frames over which no velocity may be measured.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,10 +20,11 @@ from granpinn.importers.vectors import DataFileError
 
 SAMPLES = 400  # features of a frame
 RENEWED = 4  # frames after which new features are searched
-AROUND = 4  # frames on each side that a frame is compared with
+AROUND = 4  # frames on each side that light and shifts are compared with
 STILL = 0.12  # px, motion of the fast grains that noise may make
+NOISE = 1.8  # least motion of grains over that of noise
 FAST, SLOW = 0.95, 0.1  # quantiles of the motion
-REPEATED, LOST = 0.3, 1.6  # motion over the usual motion around it
+REPEATED, LOST = 0.3, 1.6  # motion over that before and after it
 SHIFT = 0.4  # px, motion of the slowest features that is none of the grains
 FLICKER = 0.05  # change of the light from one frame to the next
 BLURRED = 0.5  # sharpness over that of the film
@@ -76,8 +78,9 @@ def survey(frames: Frames, grains: Callable[[Picture], Picture], grain: float) -
         grains: a picture to its pixels that show grains, not 0 [rows, columns].
         grain: diameter, px.
     """
-    empty = [np.full(frames.count, np.nan) for _ in range(7)]
-    found = Survey(*empty)
+    names = [f.name for f in fields(Survey) if f.name != "broken"]
+    empty: Any = {name: np.full(frames.count, np.nan) for name in names}
+    found = Survey(**empty)
     before: Picture | None = None
     places = np.zeros((0, 2))
     for k, (picture, why) in enumerate(frames):
@@ -121,10 +124,10 @@ def judged(film: Survey, frames: Frames) -> Judgement:
             f"{frames.count}: {said[0]}"
         )
     _require_motion(film)
-    usual = _usual(film.fast)
-    moving = usual > 4 * STILL
-    repeated = moving & (film.fast < REPEATED * usual)
-    lost = moving & (film.fast > LOST * usual) & ~np.roll(repeated, 1)
+    before, after = np.roll(film.fast, 1), np.roll(film.fast, -1)
+    moving = np.minimum(before, after) > 4 * STILL
+    repeated = moving & (film.fast < REPEATED * np.minimum(before, after))
+    lost = moving & (film.fast > LOST * np.maximum(before, after))
     shifted = (film.slow > SHIFT) & (film.slow > 3 * _usual(film.slow) + SHIFT)
     blurred = film.sharp < BLURRED * np.nanmedian(film.sharp)
     level = _usual(film.light)
@@ -187,14 +190,17 @@ def _release(fast: Float64) -> float | None:
     The motion from frame k - 1 to k is that of the time k - 1/2.
     """
     known = np.nan_to_num(fast)
-    moving = np.flatnonzero((known[:-2] > STILL) & (known[1:-1] > STILL) & (known[2:] > STILL))
+    # Before the release there is only noise, the least that is ever seen.
+    least = max(STILL, NOISE * float(np.nanquantile(fast, 0.02)))
+    moves = known > least
+    moving = np.flatnonzero(moves[:-2] & moves[1:-1] & moves[2:])
     if moving.size == 0 or moving[0] <= 1:
         return None
-    k = np.arange(moving[0], min(moving[0] + 8, fast.size))
+    k = np.arange(moving[0], min(moving[0] + 4, fast.size))
     k = k[np.isfinite(fast[k])]
     slope, level = np.polyfit(k - 0.5, fast[k], 1)
     start = -level / slope if slope > 0 else moving[0] - 1.0
-    return float(np.clip(start, moving[0] - 4.0, moving[0]))
+    return float(np.clip(start, moving[0] - 2.0, moving[0]))
 
 
 def _numbers(faults: npt.NDArray[np.bool_]) -> str:

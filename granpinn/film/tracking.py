@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -111,7 +111,7 @@ def follow(
     moved = np.zeros_like(start) if guess is None else guess.astype(np.float32)
     flags = cv2.OPTFLOW_USE_INITIAL_FLOW
     size = (window, window)
-    options = {"winSize": size, "maxLevel": levels, "criteria": _STOP, "flags": flags}
+    options: Any = {"winSize": size, "maxLevel": levels, "criteria": _STOP, "flags": flags}
     there, seen, residual = cv2.calcOpticalFlowPyrLK(first, second, start, start + moved, **options)
     back, again, _ = cv2.calcOpticalFlowPyrLK(second, first, there, there - moved, **options)
     rows, columns = first.shape
@@ -121,7 +121,9 @@ def follow(
     return Motion(there - start, error, found, residual[:, 0].astype(np.float64))
 
 
-def velocities(pictures: Mapping[int, Picture], grain: float, where: Picture, reach: int) -> Vectors:
+def velocities(
+    pictures: Mapping[int, Picture], grain: float, where: Picture, reach: int
+) -> Vectors:
     """The vectors of the frame `pictures[0]`.
 
     Args:
@@ -196,8 +198,8 @@ def _judged(
     parts = np.stack([over, over * back**2, over * noise, slack], axis=1)
     parts[~np.isfinite(parts)] = 0
     sd = np.sqrt(parts @ np.array(WEIGHTS))
-    x, y = places.T
-    return Vectors(x, y, *velocity.T, sd, parts, slack, step, good)
+    (x, y), (u, v) = places.T, velocity.T
+    return Vectors(x, y, u, v, sd, parts, slack, step, good)
 
 
 def _outliers(places: Float64, velocity: Float64, good: Bool, step: Int64) -> Bool:

@@ -149,7 +149,7 @@ def _exposed(
     light = np.mean([_light(dataclasses.replace(grains, place=p), shot) for p in places], axis=0)
     light = gaussian_filter(light, shot.blur) * np.linspace(shot.light, 1, shot.columns)
     noise = np.sqrt(shot.read**2 + shot.photon * light) * random.standard_normal(light.shape)
-    return np.clip(np.rint(light + noise), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.rint(light + noise), 0, 255), np.uint8)
 
 
 def _light(grains: _Grains, shot: Shot) -> Array:

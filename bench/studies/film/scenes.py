@@ -37,6 +37,7 @@ class Scene:
             "grain_density": f"{GRAIN_DENSITY} kg/m^3",
             "solid_fraction": FRACTION,
             "tilt": f"{self.tilt!r} deg",
+            "origin": f"-0.5,{self.shot.rows - 0.5}",  # the lower left corner of the picture
         }
 
     def true_velocity(self, t: Any, x: Any, y: Any) -> Any:
@@ -46,6 +47,15 @@ class Scene:
             k = t == now
             out[:, k] = self.field.velocity(float(now), x[k], y[k])
         return out
+
+
+def _field(flow: Flow) -> VelocityField:
+    """The field of a flow that is at rest at t = 0, before its first frame."""
+    field = VelocityField(flow)
+    field.t = np.insert(field.t, 0, 0.0)
+    field.c = np.concatenate([field.c[:1], field.c])
+    field.u, field.v = (np.concatenate([0 * a[:1], a]) for a in (field.u, field.v))
+    return field
 
 
 def collapse(
@@ -84,7 +94,7 @@ def collapse(
         columns=math.ceil(float(flow.x[-1]) / pixel) + MARGIN,
         seed=seed,
     )
-    return Scene(flow, VelocityField(flow), dataclasses.replace(shot, **film))
+    return Scene(flow, _field(flow), dataclasses.replace(shot, **film))
 
 
 def chute(
@@ -132,4 +142,4 @@ def chute(
         seed=seed,
         period=like.period,
     )
-    return Scene(flow, VelocityField(flow), dataclasses.replace(shot, **film), tilt=angle)
+    return Scene(flow, _field(flow), dataclasses.replace(shot, **film), tilt=angle)
