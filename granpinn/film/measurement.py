@@ -181,7 +181,9 @@ def _centers(judgement: Judgement, settings: FilmSettings) -> tuple[list[int], I
     before = index - ends[np.searchsorted(ends, index, side="right") - 1]
     later = np.append(ends, count)[np.searchsorted(ends, index, side="right")] - 1 - index
     reach = np.where(judgement.whole, np.minimum(before, later), 0)
-    good = (reach > 0) & (index > (judgement.release or 0.0))
+    since = np.floor(index - (judgement.release or 0.0)).astype(int)
+    reach = np.minimum(reach, np.maximum(since, 0))  # grains at rest are no part of the motion
+    good = reach > 0
     if settings.frames is not None:
         parts = [int(p) if p.strip() else None for p in settings.frames.split(":")]
         chosen = np.zeros(count, bool)

@@ -26,6 +26,7 @@ Level = npt.NDArray[np.float32]
 
 CELL = 0.5  # side of a cell of the fraction, grain diameters
 SMOOTHING = 0.5  # standard deviation of the average, grain diameters
+EDGE = 3.0  # of the average that evens out single grains of the surface, cells
 AROUND = 8.0  # of the mean over the grains around, cells
 SEPARATED = 0.8  # part of the variance between the classes; 0.64 for an even distribution
 MAX_JUMP = 0.1  # change of the area of the grains from frame to frame that a flow can make
@@ -53,15 +54,14 @@ class Segmentation:
         return self.separated > SEPARATED
 
     def level(self, picture: Picture) -> Level:
-        """1 in the grains, 0 in the background [rows, columns] of cells."""
+        """1 in the grains, 0 in the background, both with scatter [rows, columns] of cells."""
         values = _averaged(picture, self.grain, self.texture)
         sign = 1.0 if self.inside > self.outside else -1.0
         within = (sign * values > sign * (self.inside + self.outside) / 2).astype(np.float32)
         share = gaussian_filter(within, AROUND)
         around = gaussian_filter(values * within, AROUND) / np.maximum(share, 1e-6)
         around = np.where(share > 1e-3, around, self.inside)
-        level = (values - self.outside) / (around - self.outside)
-        return np.asarray(np.clip(level, 0, 1), np.float32)
+        return np.asarray((values - self.outside) / (around - self.outside), np.float32)
 
     def grains(self, picture: Picture, view: Picture | None) -> Picture:
         """Not 0 at the pixels inside the grains and the view [rows, columns]."""
@@ -113,7 +113,8 @@ def traced(
         tilt: of the plumb line in the picture, radians.
     """
     up = np.array([-math.sin(tilt), math.cos(tilt)])
-    c = np.stack([without_holes(level[::-1], up) for level in levels])
+    even = (gaussian_filter(level[::-1], EDGE, mode="nearest") for level in levels)
+    c = np.stack([without_holes(level, up) for level in even])
     sizes = [n / cells for n, cells in zip(shape, c.shape[1:], strict=True)]
     y, x = (size * (np.arange(cells) + 0.5) for size, cells in zip(sizes, c.shape[1:], strict=True))
     area = c.sum(axis=(1, 2)) * sizes[0] * sizes[1]

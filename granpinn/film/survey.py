@@ -22,7 +22,8 @@ SAMPLES = 400  # features of a frame
 RENEWED = 4  # frames after which new features are searched
 AROUND = 4  # frames on each side that light and shifts are compared with
 STILL = 0.12  # px, motion of the fast grains that noise may make
-NOISE = 1.8  # least motion of grains over that of noise
+NOISE = 1.6  # least motion of grains over that of noise
+STARTING = 12  # frames of the motion that shows the release
 FAST, SLOW = 0.95, 0.1  # quantiles of the motion
 REPEATED, LOST = 0.3, 1.6  # motion over that before and after it
 SHIFT = 0.4  # px, motion of the slowest features that is none of the grains
@@ -189,18 +190,17 @@ def _release(fast: Float64) -> float | None:
 
     The motion from frame k - 1 to k is that of the time k - 1/2.
     """
+    noise = float(np.nanquantile(fast, 0.02))  # before the release there is nothing else
     known = np.nan_to_num(fast)
-    # Before the release there is only noise, the least that is ever seen.
-    least = max(STILL, NOISE * float(np.nanquantile(fast, 0.02)))
-    moves = known > least
+    moves = known > max(STILL, NOISE * noise)
     moving = np.flatnonzero(moves[:-2] & moves[1:-1] & moves[2:])
     if moving.size == 0 or moving[0] <= 1:
         return None
-    k = np.arange(moving[0], min(moving[0] + 4, fast.size))
-    k = k[np.isfinite(fast[k])]
-    slope, level = np.polyfit(k - 0.5, fast[k], 1)
+    k = np.arange(moving[0], min(moving[0] + STARTING, fast.size))
+    k = k[known[k] > noise]
+    slope, level = np.polyfit(k - 0.5, np.sqrt(known[k] ** 2 - noise**2), 1)
     start = -level / slope if slope > 0 else moving[0] - 1.0
-    return float(np.clip(start, moving[0] - 2.0, moving[0]))
+    return float(np.clip(start, moving[0] - STARTING, moving[0]))
 
 
 def _numbers(faults: npt.NDArray[np.bool_]) -> str:

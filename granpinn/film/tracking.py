@@ -26,7 +26,7 @@ from granpinn.arrays import Bool, Float64, Int64
 from granpinn.film.frames import Picture
 
 SMALLEST, LARGEST = 2.0, 8.0  # px between the first and the last image of a vector
-LONGEST = 16  # largest h, frames
+LONGEST = 8  # largest h, frames
 WINDOW = 1.5  # grain diameters, the side of a window
 MOST = 3000  # features of a frame
 QUALITY = 0.003  # of the strongest feature

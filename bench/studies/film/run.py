@@ -91,11 +91,15 @@ def _offset(scene: scenes.Scene, x: Any, y: Any, t: float) -> float:
     return float(np.median(offsets)) / shot.grain
 
 
-def true_flow(scene: scenes.Scene, flow: Flow) -> Flow:
-    """The flow with the velocity of the simulation in the place of the measured one."""
+def true_flow(scene: scenes.Scene, flow: Flow, release: float) -> Flow:
+    """The flow with the velocity of the simulation in the place of the measured one.
+
+    Args:
+        release: the release that was found, frames after the true one.
+    """
     p = flow.particles
     assert p is not None
-    u, v = scene.true_velocity(p.t, p.x, p.y)
+    u, v = scene.true_velocity(p.t + release / scene.shot.rate, p.x, p.y)
     exact = dataclasses.replace(p, u=u, v=v, sigma_u=None, sigma_v=None)
     return dataclasses.replace(flow, particles=exact)
 
@@ -111,7 +115,7 @@ def main() -> None:
         scene, flow, row = measured(name, own.out)
         print(row, flush=True)
         if own.steps:
-            flows = {"film": flow, "true": true_flow(scene, flow)}
+            flows = {"film": flow, "true": true_flow(scene, flow, row["release_frames"])}
             for key, one in flows.items():
                 path = own.out / f"{name}_{key}.h5"
                 write_flow(one, path)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bench.studies.experiment.film import FRACTION, GRAIN_DENSITY, GRAVITY, HEIGHT, column
-from bench.studies.experiment.velocity_field import VelocityField
+from bench.studies.experiment.velocity_field import LAYERS, VelocityField
 from bench.studies.film.render import Shot
 from granpinn.data import Flow
 from granpinn.simulation import Chute, Collapse, simulate
@@ -50,12 +50,17 @@ class Scene:
 
 
 def _field(flow: Flow) -> VelocityField:
-    """The field of a flow that is at rest at t = 0, before its first frame."""
-    field = VelocityField(flow)
-    field.t = np.insert(field.t, 0, 0.0)
-    field.c = np.concatenate([field.c[:1], field.c])
-    field.u, field.v = (np.concatenate([0 * a[:1], a]) for a in (field.u, field.v))
-    return field
+    """The field of a flow at rest at t = 0, before its first frame, with no grains above its grid.
+
+    A field goes on beyond its grid with the outermost cells.
+    """
+    above = flow.y[-1] + (flow.y[1] - flow.y[0]) * np.arange(1, 2 * LAYERS + 1)
+    pad = ((1, 0), (0, above.size), (0, 0))
+    c, u, v = (np.pad(a, pad) for a in (flow.c, flow.u, flow.v))
+    c[0, : flow.y.size] = flow.c[0]
+    u[:, flow.y.size :], v[:, flow.y.size :] = np.nan, np.nan
+    grid = {"t": np.insert(flow.t, 0, 0.0), "y": np.append(flow.y, above), "p": None}
+    return VelocityField(dataclasses.replace(flow, c=c, u=u, v=v, **grid))
 
 
 def collapse(
@@ -78,9 +83,9 @@ def collapse(
         d=1.0 / across,
         box_width=3.2,
         box_height=1.2,
-        t_end=3.2,
+        t_end=3.2 * math.sqrt(HEIGHT / GRAVITY),
     )
-    flow = column(128, 160, like)
+    flow = column(256, 160, like)
     pixel = HEIGHT / (across * grain)
     speed = float(np.nanpercentile(np.hypot(flow.u, flow.v), 99.5))
     rate = max(speed / (fastest * pixel), (frames - before) / float(flow.t[-1]))
