@@ -87,10 +87,21 @@ def stated_sigmas(flow: Flow) -> tuple[Any, Any]:
     return sigma_u, sigma_v
 
 
-def inverse_variance(sigma_u: Floats, sigma_v: Floats) -> Float64:
-    """1/(sigma_u^2 + sigma_v^2) [n]."""
-    variance = sum(np.square(s, dtype=np.float64) for s in (sigma_u, sigma_v))
-    return np.asarray(1 / np.asarray(variance))
+def variance(sigma_u: Floats, sigma_v: Floats) -> Float64:
+    """sigma_u^2 + sigma_v^2 [n]."""
+    squares = [np.square(s, dtype=np.float64) for s in (sigma_u, sigma_v)]
+    return np.asarray(squares[0] + squares[1])
+
+
+def velocity_weights(variances: Float64) -> Float64:
+    r"""Weights of vectors [n] with mean 1, from the variances of their measurement [n].
+
+    $w_i \propto 1/(\sigma_i^2 + m)$ with the median m of all $\sigma_i^2$. It stands for the
+    velocity that the network cannot resolve, which is the same for all vectors. With
+    $1/\sigma_i^2$ the grains at rest would have nearly all the weight (bench/studies/film).
+    """
+    found = 1 / (variances + np.median(variances))
+    return np.asarray(found / found.mean())
 
 
 def max_speed(flow: Flow) -> float:

@@ -12,7 +12,7 @@ from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.config import LEVELS
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
 from granpinn.data.large import chosen
-from granpinn.data.noise import inverse_variance
+from granpinn.data.noise import variance, velocity_weights
 from granpinn.data.outline import outline
 from granpinn.data.symmetry import axes_of
 from granpinn.physics.axes import Axes
@@ -249,11 +249,10 @@ def _sigmas_of(flow: Flow) -> tuple[str, ...]:
 
 
 def _velocity_weights(samples: Particles) -> Float64:
-    """1/variance of the measurement, with mean 1; 1 everywhere without standard deviations."""
+    """Weights by the measurement (data/noise.py); 1 everywhere without standard deviations."""
     if samples.sigma_u is None or samples.sigma_v is None:
         return np.ones(samples.t.size)
-    weights = inverse_variance(samples.sigma_u, samples.sigma_v)
-    return np.asarray(weights / weights.mean())
+    return velocity_weights(variance(samples.sigma_u, samples.sigma_v))
 
 
 def place_of(surface: Surface, flow: Flow, scales: Scales) -> Float64:

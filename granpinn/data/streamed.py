@@ -24,7 +24,7 @@ from granpinn.arrays import Float64
 from granpinn.data.collocation import lowest_row, points_between, without_row
 from granpinn.data.flow import Flow, FlowFileError, FlowFileWarning, Surface
 from granpinn.data.large import chosen, of_frames, slabs, some_frames
-from granpinn.data.noise import inverse_variance
+from granpinn.data.noise import variance, velocity_weights
 from granpinn.data.outline import highest_rows, outline_above
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.points import (
@@ -139,7 +139,7 @@ class _Streamed:
         most = math.ceil(self.part * some) + len(slabs(flow))
         self.points, self.velocity, self.weights = (Rows(most, k, dtype) for k in (3, 2, 2))
         self.between = Rows(round(collocation * most) + len(slabs(flow)), 3, dtype)
-        self.inverse_variances: list[Float64] = []
+        self.variances: list[Float64] = []
         self.bounds: list[tuple[torch.Tensor, torch.Tensor]] = []
         self.strips: list[Strip] = []
         self.walls: list[TrainingSet] = []
@@ -166,7 +166,7 @@ class _Streamed:
             samples = samples_of(vectors)
             assert samples.sigma_u is not None
             assert samples.sigma_v is not None
-            self.inverse_variances.append(inverse_variance(samples.sigma_u, samples.sigma_v))
+            self.variances.append(variance(samples.sigma_u, samples.sigma_v))
         above = without_row(own.material & later, own.gravity, self._lower(self._lowest(own)))
         x, y, t = points_between(own, above, round(self.collocation * wanted), frames.start)
         self.between.add(self._tensor(self._placed(x, y, t)))
@@ -199,9 +199,8 @@ class _Streamed:
             )
         points, velocity, between = self.points.all, self.velocity.all, self.between.all
         weights, (lower, upper) = self.weights.all, zip(*self.bounds, strict=True)
-        if self.inverse_variances:
-            every = np.concatenate(self.inverse_variances)
-            weights[:, 0] = self._tensor(every / every.mean())
+        if self.variances:
+            weights[:, 0] = self._tensor(velocity_weights(np.concatenate(self.variances)))
         strip, weight = self._strip(between, len(points))
         equation_weights = torch.ones(len(between) + len(strip), dtype=self.dtype)
         equation_weights[len(between) :] = weight

@@ -30,6 +30,7 @@ MAX_FIELDS = 200  # frames with vectors, unless --frames chooses others
 SAMPLES = 9  # pictures for the segmentation
 FEWEST = 30  # vectors of a frame
 RISING = 0.1  # mean velocity against gravity, of the rms speed
+SLOW, FAST = 0.02, 1.5  # acceleration of the fast grains after the release over gravity
 SHOWN = (0.25, 0.6)  # of the fields, for the page
 # Flags of `convert` that have no meaning for pictures.
 WITHOUT = (
@@ -105,7 +106,7 @@ def measure(
     joined = [v.kept() for _, v in parts]
     times = np.array([float(c) for c, _ in parts])
     t = np.repeat(times, [v.x.size for v in joined])
-    _require_falling(joined, settings)
+    _require_falling(joined, judgement.acceleration, settings)
     steps: dict[int, int] = {}
     for v in joined:
         for h, n in zip(*np.unique(v.step, return_counts=True), strict=True):
@@ -236,12 +237,28 @@ def _vectors(
     return parts, fields, levels
 
 
-def _require_falling(parts: list[Vectors], settings: FilmSettings) -> None:
-    """Refuses a film in which the grains rise."""
+def _require_falling(parts: list[Vectors], acceleration: float, settings: FilmSettings) -> None:
+    """Refuses a film in which grains rise or gain speed faster than in a free fall.
+
+    Warns of an acceleration after the release that is a small part of gravity.
+    """
     angle = units.si(settings.tilt, "angle", "--tilt", "'1.2 deg'")
     down = np.concatenate([math.sin(angle) * v.u + math.cos(angle) * v.v for v in parts])
     speed = math.sqrt(np.mean(np.concatenate([v.u**2 + v.v**2 for v in parts])))
-    if down.mean() < -RISING * speed and not settings.force:
+    gravity = units.si(settings.gravity, "acceleration", "--gravity", "'9.81 m/s^2'")
+    frame = units.frame_time(settings.frame_rate or "", "--frame-rate")
+    share = acceleration * units.scale(settings.scale or "") / frame**2 / gravity
+    said = (
+        f"the grains gain speed with {share:.2g} times gravity after the release, expected {SLOW} "
+        f"to {FAST}: check --frame-rate, whose square is in it, and --scale"
+    )
+    if share < SLOW:
+        warnings.warn(said, FlowFileWarning, stacklevel=4)
+    if settings.force:
+        return
+    if share > FAST:
+        raise DataFileError(f"{said}, or give --force")
+    if down.mean() < -RISING * speed:
         raise DataFileError(
             "grains must fall on the average, but they rise: turn the pictures the right way up, "
             "check --tilt and the order of the frames, or give --force"

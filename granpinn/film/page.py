@@ -28,9 +28,7 @@ def write(measured: Measured, path: Path) -> None:
     stages = {
         "Features": features,
         "Vectors on the picture": vectors,
-        "Rejected vectors": rejected,
         "Free surface": surface,
-        "Time between images": pairing,
         "The film from frame to frame": history,
         "Granular temperature (noise is in it)": temperature,
     }
@@ -63,11 +61,17 @@ def _on_picture(measured: Measured, each: Any) -> Figure:
 
 @styled
 def features(measured: Measured) -> Drawing:
-    """Places of the features."""
-    figure = _on_picture(
-        measured, lambda a, f: a.plot(f.vectors.x, f.vectors.y, ".", color=GREEN, ms=1.5)
+    """Places of the features, and of those whose vectors were rejected."""
+
+    def each(axes: Any, field: Any) -> None:
+        x, y, good = field.vectors.x, field.vectors.y, field.vectors.good
+        axes.plot(x[good], y[good], ".", color=GREEN, ms=1.5)
+        axes.plot(x[~good], y[~good], "x", color=ORANGE, ms=3)
+
+    caption = (
+        "Dots lie everywhere in the grains and nowhere else. Crosses, the rejected ones, are few."
     )
-    return Drawing(figure, "Dots lie on grains only, everywhere in the grains.")
+    return Drawing(_on_picture(measured, each), caption)
 
 
 @styled
@@ -88,17 +92,6 @@ def vectors(measured: Measured) -> Drawing:
 
 
 @styled
-def rejected(measured: Measured) -> Drawing:
-    """Places of the vectors that were rejected."""
-
-    def each(axes: Any, field: Any) -> None:
-        bad = ~field.vectors.good
-        axes.plot(field.vectors.x[bad], field.vectors.y[bad], "x", color=ORANGE, ms=3)
-
-    return Drawing(_on_picture(measured, each), "Crosses are few and lie nowhere in clusters.")
-
-
-@styled
 def surface(measured: Measured) -> Drawing:
     """The line of the free surface."""
 
@@ -109,19 +102,6 @@ def surface(measured: Measured) -> Drawing:
             axes.plot(measured.line.x[now], y, ".", color=ORANGE, ms=1.5)
 
     return Drawing(_on_picture(measured, each), "Dots follow the upper edge of the grains.")
-
-
-@styled
-def pairing(measured: Measured) -> Drawing:
-    """The time between the first and the last image of a vector."""
-
-    def each(axes: Any, field: Any) -> None:
-        good = field.vectors.kept()
-        colors = axes.scatter(good.x, good.y, c=np.log2(2 * good.step), s=2, vmin=1, vmax=5)
-        bar = axes.figure.colorbar(colors, ax=axes, ticks=[1, 2, 3, 4, 5])
-        bar.ax.set_yticklabels(["2", "4", "8", "16", "32"])
-
-    return Drawing(_on_picture(measured, each), "Frames; slow regions have the longer times.")
 
 
 @styled

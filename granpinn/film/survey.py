@@ -6,6 +6,7 @@ and the frames over which no velocity may be measured.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -23,7 +24,7 @@ RENEWED = 4  # frames after which new features are searched
 AROUND = 4  # frames on each side that light and shifts are compared with
 STILL = 0.12  # px, motion of the fast grains that noise may make
 NOISE = 1.6  # least motion of grains over that of noise
-STARTING = 12  # frames of the motion that shows the release
+STARTING = 12  # frames that show the release, up to half of the largest motion
 FAST, SLOW = 0.95, 0.1  # quantiles of the motion
 REPEATED, LOST = 0.3, 1.6  # motion over that before and after it
 SHIFT = 0.4  # px, motion of the slowest features that is none of the grains
@@ -63,12 +64,14 @@ class Judgement:
         whole: frames that can be used [T].
         joined: whether a velocity may be measured across frames k - 1 and k [T].
         release: the time of the release, in frames; None: the grains move from the first frame on.
+        acceleration: of the fast grains after it, px/frame^2.
         said: a sentence for each fault.
     """
 
     whole: Bool
     joined: Bool
     release: float | None
+    acceleration: float
     said: list[str]
 
 
@@ -145,7 +148,7 @@ def judged(film: Survey, frames: Frames) -> Judgement:
     joined = whole & ~(repeated | lost | shifted)
     joined[1:] &= whole[:-1]
     joined[0] = False
-    return Judgement(whole & ~blurred & ~flicker, joined, _release(film.fast), said)
+    return Judgement(whole & ~blurred & ~flicker, joined, *_release(film.fast), said)
 
 
 def _require_motion(film: Survey) -> None:
@@ -185,8 +188,8 @@ def _usual(values: Float64) -> Float64:
     return np.asarray(np.nanmedian(known, axis=1))
 
 
-def _release(fast: Float64) -> float | None:
-    """The time at which the line through the first motions is zero, in frames.
+def _release(fast: Float64) -> tuple[float | None, float]:
+    """The time at which the line through the first motions is zero, in frames, and its slope.
 
     The motion from frame k - 1 to k is that of the time k - 1/2.
     """
@@ -195,12 +198,13 @@ def _release(fast: Float64) -> float | None:
     moves = known > max(STILL, NOISE * noise)
     moving = np.flatnonzero(moves[:-2] & moves[1:-1] & moves[2:])
     if moving.size == 0 or moving[0] <= 1:
-        return None
-    k = np.arange(moving[0], min(moving[0] + STARTING, fast.size))
-    k = k[known[k] > noise]
+        return None, math.nan
+    first = known[moving[0] : moving[0] + STARTING]
+    steady = int(np.argmax(np.append(first > known.max() / 2, True)))
+    k = moving[0] + np.flatnonzero(first[: max(steady, 3)] > noise)
     slope, level = np.polyfit(k - 0.5, np.sqrt(known[k] ** 2 - noise**2), 1)
     start = -level / slope if slope > 0 else moving[0] - 1.0
-    return float(np.clip(start, moving[0] - STARTING, moving[0]))
+    return float(np.clip(start, moving[0] - STARTING, moving[0])), float(slope)
 
 
 def _numbers(faults: npt.NDArray[np.bool_]) -> str:

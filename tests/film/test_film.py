@@ -25,7 +25,7 @@ GRAIN = 6.0  # px
 STILL = 5  # frames before the release
 LAB: dict[str, Any] = {
     "scale": "0.1 mm/px",
-    "frame_rate": "1000 Hz",
+    "frame_rate": "300 Hz",
     "grain_diameter": "0.6 mm",
     "grain_density": "2500 kg/m^3",
     "solid_fraction": 0.6,
@@ -89,7 +89,7 @@ def test_velocity_surface_and_release(shot: list[Any], tmp_path: Path) -> None:
     flow = measured.flow
     assert flow.particles is not None
     assert flow.particles.sigma_u is not None
-    assert flow.particles.u.max() == pytest.approx(speed(TOP, 20) * 1e-4 * 1000, rel=0.1)
+    assert flow.particles.u.max() == pytest.approx(speed(TOP, 20) * 1e-4 * 300, rel=0.1)
     assert flow.t[0] > 0
 
 
@@ -117,7 +117,7 @@ def test_command_writes_flow_and_page(
     assert "chosen by region" in captured.out
     assert read_flow(out).particles is not None
     page = out.with_suffix(".html").read_text()
-    assert page.count("<img") == 7
+    assert page.count("<img") == 5
     assert "http" not in page.replace("http-equiv", "")
 
 
@@ -221,9 +221,15 @@ def test_deep_pictures_and_regions(shot: list[Any], tmp_path: Path) -> None:
     assert frames.sample(1)[0].dtype == np.uint8
 
 
+def test_a_frame_rate_that_is_too_low_is_named(shot: list[Any], tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match=r"with 0.005\d* times gravity .*frame.rate"):
+        granpinn.film(save(shot, tmp_path / "a"), **(LAB | {"frame_rate": "30 Hz"}))
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
+        ({"frame_rate": "3000 Hz"}, "times gravity .*frame.rate"),
         ({"scale": None}, "needs scale"),
         ({"scale": "1 um/px"}, "2 to 100 px"),
         ({"roi": "5:1,2:3"}, "LEFT:RIGHT"),
@@ -237,7 +243,7 @@ def test_settings(
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("small.png", shot[0][:9])
     with pytest.raises(DataFileError, match=said):
-        granpinn.film(save(shot[:6], tmp_path / "a"), **(LAB | change))
+        granpinn.film(save(shot, tmp_path / "a"), **(LAB | change))
 
 
 def test_subpixel_shift_is_found(shot: list[Any]) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
+import math
 import time
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,9 @@ from bench.studies.film import render, scenes
 from granpinn.data import Flow, read_flow, write_flow
 from granpinn.film.measurement import FilmSettings, measure
 from granpinn.identification.single import identify
+from granpinn.inspection import Inspection
 
+I_0 = 0.3  # of the simulated and of the identified law
 NEAR = 3.0  # grain diameters from the surface or a wall
 
 
@@ -104,6 +107,34 @@ def true_flow(scene: scenes.Scene, flow: Flow, release: float) -> Flow:
     return dataclasses.replace(flow, particles=exact)
 
 
+def laws(
+    scene: scenes.Scene, flow: Flow, release: float, path: Path, steps: int
+) -> dict[str, float]:
+    """Laws from the film, from true vectors at its places and times, and of the simulation.
+
+    Differences of mu(I) are relative and rms over log I between its 5 % and 95 % quantiles.
+    """
+    true = true_flow(scene, flow, release)
+    low, high = Inspection(true).inertia.quantiles(0.05, 0.95) or (math.nan, math.nan)
+    I = np.geomspace(low, high, 30)
+    row: dict[str, float] = {"I_low": low, "I_high": high}
+    curves = {}
+    for key, one in {"film": flow, "true": true, "simulation": None}.items():
+        if one is None:
+            assert scene.flow.truth is not None
+            mu_s, mu_2 = scene.flow.truth.mu_s, scene.flow.truth.mu_2
+        else:
+            file = Path(f"{path}_{key}.h5")
+            write_flow(one, file)
+            found = identify(read_flow(file), steps=steps, checks="none").parameters
+            mu_s, mu_2 = float(found["mu_s"].value), float(found["mu_2"].value)
+        row |= {f"mu_s_{key}": mu_s, f"mu_2_{key}": mu_2}
+        curves[key] = mu_s + (mu_2 - mu_s) * I / (I + I_0)
+    for a, b in (("film", "true"), ("film", "simulation"), ("true", "simulation")):
+        row[f"{a}_to_{b}"] = float(np.sqrt(np.mean((curves[a] / curves[b] - 1) ** 2)))
+    return {name: round(value, 4) for name, value in row.items()}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("scenes", nargs="+")
@@ -115,16 +146,7 @@ def main() -> None:
         scene, flow, row = measured(name, own.out)
         print(row, flush=True)
         if own.steps:
-            flows = {"film": flow, "true": true_flow(scene, flow, row["release_frames"])}
-            for key, one in flows.items():
-                path = own.out / f"{name}_{key}.h5"
-                write_flow(one, path)
-                result = identify(read_flow(path), steps=own.steps, checks="none")
-                for parameter in ("mu_s", "mu_2"):
-                    value = result.parameters[parameter].value
-                    row[f"{parameter}_{key}"] = round(float(value), 4)
-            truth = scene.flow.truth
-            row |= {"mu_s": truth.mu_s, "mu_2": truth.mu_2} if truth else {}
+            row |= laws(scene, flow, row["release_frames"], own.out / name, own.steps)
         rows.append(row)
         print(row, flush=True)
     names = list(dict.fromkeys(key for row in rows for key in row))
