@@ -50,31 +50,3 @@ def pytest_benchmark_generate_machine_info() -> dict[str, Any]:
 def machine_info() -> dict[str, Any]:
     """The machine, and the multiply-add peak of one of its cores."""
     return describe() | {"fma_peak_gflops": round(fma_peak(), 1)}
-
-
-def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """Print the table of the claims in process CPU time, which other processes disturb least."""
-    session = getattr(terminalreporter.config, "_benchmarksession", None)
-    rows = [b.extra_info for b in getattr(session, "benchmarks", []) if "cpu_ms" in b.extra_info]
-    if not rows:
-        return
-    peak = fma_peak()
-    machine = describe()
-    terminalreporter.section("one optimization step, process CPU time")
-    terminalreporter.write_line(
-        f"{machine['processor']}, {machine['cores']} cores, {machine['kernels']}, "
-        f"multiply-add peak {peak:.1f} GFLOP/s per core"
-    )
-    eager = {key(row): row["cpu_ms"] for row in rows if row["step"] == "eager autograd"}
-    for row in rows:
-        gain = f"{eager[key(row)] / row['cpu_ms']:6.2f}x eager" if key(row) in eager else ""
-        terminalreporter.write_line(
-            f"{row['form']:>7} B {row['points']:>5} threads {row['threads']} "
-            f"{row['step']:>15} {row['cpu_ms']:9.1f} ms CPU {row['wall_ms']:9.1f} ms wall "
-            f"{row['gflops']:6.1f} GFLOP/s per core ({row['gflops'] / peak:4.0%} of the peak) "
-            f"{gain}"
-        )
-
-
-def key(row: dict[str, Any]) -> tuple[Any, ...]:
-    return row["form"], row["points"], row["threads"]

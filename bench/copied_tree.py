@@ -43,26 +43,18 @@ def remove(tree: Path) -> None:
     shutil.rmtree(tree)
 
 
-def build(tree: Path, folder: Path, options: Sequence[str] = (), jobs: int = 1) -> str:
+def build(tree: Path, folder: Path, options: Sequence[str] = ()) -> str:
     """Builds the modules of a copy in `folder`, again only what changed. The error, or "".
 
     Raises:
         OSError: the build tools are missing.
     """
-    fresh = not (folder / "build.ninja").is_file()
-    return (configure(tree, folder, options) if fresh else "") or make(tree, folder, jobs)
-
-
-def configure(tree: Path, folder: Path, options: Sequence[str] = ()) -> str:
-    """Writes the build files of a copy to `folder`. The error, or ""."""
-    command = ["cmake", "-S", str(tree), "-B", str(folder), "-G", "Ninja"]
-    defined = [f"-DPython_EXECUTABLE={sys.executable}", "-DSKBUILD_PROJECT_VERSION=0.0.0"]
-    return _error([*command, *defined, *options])
-
-
-def make(tree: Path, folder: Path, jobs: int = 1) -> str:
-    """Builds what changed and copies the modules to the tree. The error, or ""."""
-    error = _error(["ninja", "-C", str(folder), f"-j{jobs}"])
+    error = ""
+    if not (folder / "build.ninja").is_file():
+        command = ["cmake", "-S", str(tree), "-B", str(folder), "-G", "Ninja"]
+        defined = [f"-DPython_EXECUTABLE={sys.executable}", "-DSKBUILD_PROJECT_VERSION=0.0.0"]
+        error = _error([*command, *defined, *options])
+    error = error or _error(["ninja", "-C", str(folder)])
     if not error:
         for module in folder.glob("*.so"):
             shutil.copy2(module, tree / "granpinn")

@@ -1,4 +1,4 @@
-"""Timing of a step on a GPU: device events, launches, peak memory, and the machine's ceilings.
+"""Timing of a step on a GPU: device events, launches, peak memory.
 
 A CPU can only try out the GPU benchmark: there the wall clock takes the place of events, and the
 other measurements are None.
@@ -108,19 +108,3 @@ class PeakMemory:
     def __exit__(self, *error: object) -> None:
         if self.device.type == "cuda":
             self.bytes = torch.cuda.max_memory_allocated() - self.before
-
-
-def ceilings(device: torch.device) -> dict[str, float]:
-    """Measured rates: float32 and TF32 products [TFLOP/s], a copy [TB/s, read and written]."""
-    n, numbers = (8192, 2**28) if device.type == "cuda" else (256, 2**20)
-    a, b = (torch.randn(n, n, device=device) for _ in range(2))
-    c = torch.empty_like(a)
-    out = {}
-    for name, precision in (("sgemm_tflops", "highest"), ("tf32_tflops", "high")):
-        torch.set_float32_matmul_precision(precision)
-        out[name] = 2e-9 * n**3 / milliseconds(lambda: torch.mm(a, b, out=c), device)
-    torch.set_float32_matmul_precision("highest")
-    source = torch.zeros(numbers, device=device)
-    target = torch.empty_like(source)
-    out["copy_tb_per_s"] = 8e-9 * numbers / milliseconds(lambda: target.copy_(source), device)
-    return {name: round(rate, 4) for name, rate in out.items()}

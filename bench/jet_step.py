@@ -15,29 +15,57 @@ import runpy
 import statistics
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from bench.jets import taylor_network
 from bench.machine import describe
 from granpinn import SwishNetwork
 from granpinn.kernels.swish_network import Jet
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "navier_stokes.py"
 POINTS = 1024
-CHANNELS = 7
-PAIRS = ((0, 0), (0, 1), (1, 1))
+CHANNELS = 7  # value, x, y, t, xx, xy, yy
+PAIRS = ((0, 0), (0, 1), (1, 1))  # of the second derivatives
 
 Step = Callable[[], Tensor]
 
 
+def taylor_network(params: Tensor, points: Tensor, widths: list[int]) -> list[Tensor]:
+    """Raw outputs [B, K] of each channel; the channels of a layer are one matrix product."""
+    start, jet = 0, []
+    for layer, (n_in, n_out) in enumerate(pairwise(widths)):
+        W = params[start : start + n_out * n_in].view(n_out, n_in)
+        b = params[start + n_out * n_in : start + n_out * (n_in + 1)]
+        start += n_out * (n_in + 1)
+        if layer == 0:
+            value = points @ W.T + b
+            first = [W[:, i].expand_as(value) for i in range(3)]
+            jet = [value, *first, *[torch.zeros_like(value)] * len(PAIRS)]
+        else:
+            value, *rest = (torch.cat(swish(jet)) @ W.T).chunk(CHANNELS)
+            jet = [value + b, *rest]
+    return jet
+
+
+def swish(z: list[Tensor]) -> list[Tensor]:
+    """swish of a jet."""
+    s = torch.sigmoid(z[0])
+    q = s * (1 - s)
+    f1, f2 = s + z[0] * q, q * (2 + z[0] * (1 - 2 * s))
+    second = (
+        f2 * z[1 + i] * z[1 + j] + f1 * z_ij for (i, j), z_ij in zip(PAIRS, z[4:], strict=True)
+    )
+    return [z[0] * s, *(f1 * z_i for z_i in z[1:4]), *second]
+
+
 def by_hand(net: SwishNetwork, where: Tensor) -> Jet:
-    """The jets of `bench.jets`, in the units of the points."""
+    """Taylor jets written by hand, in the units of the points."""
     shift, scale = (where.new_tensor(values) for values in (net.input_shift, net.input_scale))
-    raw = taylor_network(net.params, (where - shift) * scale, net.widths, CHANNELS)
+    raw = taylor_network(net.params, (where - shift) * scale, net.widths)
     first = (raw[1 + i] * scale[i] for i in range(3))
     second = (channel * scale[i] * scale[j] for channel, (i, j) in zip(raw[4:], PAIRS, strict=True))
     return Jet(raw[0], *first, *second)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -11,16 +10,12 @@ from typing import Any
 
 import torch
 
-from bench.cache import alone
 from bench.device import Advance, PeakMemory, graphed, milliseconds
-from bench.jets import jets_step
 from bench.steps import Task, eager_step, fused_step, make_task
 
-EAGER, COMPILED_JETS = "torch eager autograd", "Taylor jets, torch.compile + graph"
 OURS = {"fp32": "granpinn fp32", "fast": "granpinn fast"}
 SMALL = 4096  # up to here a graph holds ten steps: a launch takes as long as the step
 STEPS_PER_GRAPH = 10
-ALONE = 512  # up to here a step by itself is timed too (bench/cache.py)
 Sizes = dict[str, tuple[int, ...]]
 SIZES: Sizes = {"strong": (512, 4096, 32768, 262144), "mixed": (512, 32768, 262144)}
 QUICK_SIZES: Sizes = {"strong": (512, 32768), "mixed": (512, 32768)}
@@ -41,13 +36,9 @@ class Rival:
 
 
 GRANPINN = [Rival(name, partial(fused_step, precision=p), True) for p, name in OURS.items()]
-QUICK_RIVALS = [
-    Rival(COMPILED_JETS, partial(jets_step, compiled=True), True),
-    Rival(EAGER, eager_step, False),
-]
-OTHER_RIVALS = [
+OTHERS = [
+    Rival("torch eager autograd", eager_step, False),
     Rival("torch eager autograd + graph", eager_step, True),
-    Rival("Taylor jets, torch eager", jets_step, False),
 ]
 
 
@@ -63,15 +54,10 @@ class Measured:
 def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measured:
     """Time and memory of a step; an error is part of the row."""
     row: dict[str, Any] = {"name": rival.name, "form": form, "points": points}
-    begin = time.monotonic()
     use_graph = rival.graph and device.type == "cuda"
     steps = STEPS_PER_GRAPH if use_graph and points <= SMALL else 1
     task = make_task(form, points).to(device)
-    row |= {"flop": task.flop, "traffic": task.traffic, "steps_per_graph": steps * use_graph}
-    row["resident_mb"] = task.resident / 1e6
-    row["adam"] = "granpinn" if rival in GRANPINN else "torch"
     try:
-        torch.compiler.reset()  # a limit on recompilations would count all rows together
         with PeakMemory(device) as memory:
             step = rival.make(task)
             advance = graphed(step, steps) if use_graph else step
@@ -79,14 +65,11 @@ def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measu
             if not math.isfinite(loss := float(advance())):
                 raise ArithmeticError(f"the loss became {loss}")
             row["ms"] = ms
-        if use_graph and points <= ALONE:
-            row |= alone(advance if steps == 1 else graphed(step, 1), device)
         if memory.bytes is not None:
             row["peak_gb"] = memory.bytes / 1e9
     except Exception as error:  # the other rivals are measured after any error of this one
         lines = str(error).strip().splitlines()
         row["error"] = f"{type(error).__name__}: {lines[0][:300] if lines else ''}"
         return Measured(row, None, steps)
-    row["seconds"] = time.monotonic() - begin
     keep = points <= SMALL or rival in GRANPINN
     return Measured(row, advance if keep else None, steps)

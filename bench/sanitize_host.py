@@ -16,6 +16,7 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -65,12 +66,10 @@ def environment(kernels: str) -> dict[str, str]:
 
 def files_of(tests: Iterable[str]) -> list[str]:
     """Test files, and those of folders, the largest first."""
-    found = []
-    for name in tests:
-        path = copied_tree.ROOT / name
-        files = sorted(path.glob("test_*.py"), key=lambda file: -file.stat().st_size)
-        found += [f"{name}/{file.name}" for file in files] if path.is_dir() else [name]
-    return found
+    paths = [copied_tree.ROOT / name for name in tests]
+    files = [f for p in paths for f in (p.glob("test_*.py") if p.is_dir() else [p])]
+    files.sort(key=lambda file: -file.stat().st_size)
+    return [str(file.relative_to(copied_tree.ROOT)) for file in files]
 
 
 def check(tree: Path, tests: str, kernels: str) -> dict[str, Any]:
@@ -119,37 +118,28 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, help="JSON file with tests, reports and times")
     parser.add_argument("--kernels", nargs="+", default=["avx512"], help="avx512, avx2, generic")
-    parser.add_argument("--tests", nargs="+", default=TESTS)
-    parser.add_argument("--jobs", type=int, default=2, help="processes of the compiler")
     parser.add_argument("--shards", type=int, default=1, help="processes of the tests")
-    arguments = parser.parse_args()
+    own = parser.parse_args()
     tree = WORK / "tree"
     if tree.exists():
         copied_tree.remove(tree)
     copied_tree.copy_tree(tree, compiled=False)
     begin = time.monotonic()
-    error = copied_tree.build(tree, WORK / "cmake", BUILD, arguments.jobs)
-    if error:
+    if error := copied_tree.build(tree, WORK / "cmake", BUILD):
         print(f"sanitize_host: the build failed:\n{error}", file=sys.stderr)
         return 2
+    built = round(time.monotonic() - begin, 1)
     rows: list[dict[str, Any]] = []
-    build_seconds = round(time.monotonic() - begin, 1)
-    with ThreadPoolExecutor(arguments.shards) as pool:
-        checks = [
-            pool.submit(check, tree, tests, kernels)
-            for tests in files_of(arguments.tests)
-            for kernels in arguments.kernels
-        ]
-        for done in as_completed(checks):
+    with ThreadPoolExecutor(own.shards) as pool:
+        cases = product(files_of(TESTS), own.kernels)
+        for done in as_completed([pool.submit(check, tree, *case) for case in cases]):
             rows.append(done.result())
             print(json.dumps(rows[-1]), flush=True)
-            if arguments.out:
-                seconds = time.monotonic() - begin
-                gathered(rows, build_seconds, seconds).write(arguments.out)
-    reports = sum(len(row["reports"]) for row in rows)
-    failures = sum(row["exit_code"] != 0 for row in rows)
-    print(f"sanitize_host: {reports} reports, {failures} failures")
-    return int(any(row["exit_code"] or row["reports"] for row in rows))
+            if own.out:
+                gathered(rows, built, time.monotonic() - begin).write(own.out)
+    failed = [row for row in rows if row["exit_code"] or row["reports"]]
+    print(f"sanitize_host: {len(failed)} of {len(rows)} files with a report or a failure")
+    return int(bool(failed))
 
 
 if __name__ == "__main__":

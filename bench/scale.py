@@ -34,7 +34,7 @@ from bench.processes import run_lines
 from bench.studies import raw
 from granpinn import report
 from granpinn.config import Config
-from granpinn.data.format import FORMAT_NAME, FORMAT_VERSION
+from granpinn.data.schema import FORMAT_NAME, FORMAT_VERSION
 from granpinn.identification.single import identify
 from granpinn.training.progress import Silent
 

@@ -18,7 +18,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import logsigmoid, silu
 
+from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.laws import DEFAULT
+from granpinn.physics.terms import LossPoints
 from granpinn.reference import friction, inertial_number, viscosity
 
 HIDDEN = [250, 250, 250]
@@ -50,21 +52,22 @@ class Task:
         return [3, *HIDDEN, 3 if self.form == "strong" else 5]
 
     @property
+    def spec(self) -> NetworkSpec:
+        return NetworkSpec(tuple(self.widths), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), self.form)
+
+    @property
+    def batch(self) -> LossPoints:
+        """The points with unit weights, and no surface points."""
+        none = self.points.new_empty(0, 3)
+        weights = torch.ones_like(self.velocity)
+        return LossPoints(self.points, self.velocity, weights, none, none[:, 0])
+
+    @property
     def flop(self) -> float:
         """Operations of the products: channels x 2 x weights forward, twice as many backward."""
         weights = sum(n_in * n_out for n_in, n_out in pairwise(self.widths))
         channels = 7 if self.form == "strong" else 4
         return 3.0 * channels * 2 * weights * self.count
-
-    @property
-    def resident(self) -> float:
-        """Bytes that stay from step to step: weights, gradient, two moments of Adam, batch."""
-        return 4.0 * (5 * self.count + 4 * (self.params.numel() + self.theta.numel()))
-
-    @property
-    def traffic(self) -> float:
-        """Bytes that any step has to move: the batch once; Adam reads 4 numbers, writes 3."""
-        return 4.0 * (5 * self.count + 7 * self.params.numel())
 
     def to(self, device: torch.device) -> Task:
         tensors = {name: getattr(self, name).to(device) for name in TENSORS}
@@ -135,25 +138,11 @@ def fused_step(task: Task, precision: str = "fp32", update: bool = True) -> Call
     params, theta = task.params.clone(), task.theta.clone()
     optimizer = OwnAdam(params, theta)
     new = task.points.new_tensor
-    none = new([]).view(0, 3)
-    arguments: tuple[Any, ...] = (
-        task.points,
-        task.velocity,
-        torch.ones_like(task.velocity),
-        none,
-        none[:, 0],
-        task.points.new_ones(5),
-        task.widths,
-        new([0.0, 0.0, 0.0]),
-        new([1.0, 1.0, 1.0]),
-        new(PHYSICS),
-        task.form,
-        DEFAULT.name,
-        precision,
-    )
+    spec = replace(task.spec, input_shift=new([0.0] * 3), input_scale=new([1.0] * 3))
+    arguments = (task.batch, new([1.0] * 5), spec, new(PHYSICS), DEFAULT.name)
 
     def step() -> Tensor:
-        loss, _, *gradients = ops.residual_loss(params, theta, *arguments)
+        loss, _, *gradients = ops.residual_loss(params, theta, *arguments, precision=precision)
         if update:
             optimizer.step(loss, *gradients)
         return loss

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from granpinn import laws
     from granpinn.config import Config
     from granpinn.data import read_flow, write_flow
-    from granpinn.film import film
+    from granpinn.filming import film
     from granpinn.identification.batch import identify_many
     from granpinn.identification.identified import Identification, load
     from granpinn.identification.single import identify
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
+__path__.append(f"{__path__[0]}/commands")  # `python -m granpinn.VERB` finds the commands there
 __version__ = "0.2.0"
 __all__ = [
     "Config",
@@ -54,7 +55,7 @@ _HOMES = {
     "Result": "granpinn.results",
     "SwishNetwork": "granpinn.kernels.swish_network",
     "convert": "granpinn.importers",
-    "film": "granpinn.film",
+    "film": "granpinn.filming",
     "flow": "granpinn.importers",
     "identify": "granpinn.identification.single",
     "identify_many": "granpinn.identification.batch",

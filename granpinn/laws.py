@@ -24,8 +24,7 @@ from torch import Tensor
 from granpinn.arrays import plain_array
 from granpinn.declared import checked
 from granpinn.errors import BadInput
-from granpinn.physics.laws import LAWS, LawParameter
-from granpinn.physics.laws import Law as _Law
+from granpinn.physics.laws import LAWS, FrictionLaw, LawParameter
 from granpinn.physics.laws.law import Values
 
 Friction = Callable[[Tensor, Sequence[Tensor]], Tensor]
@@ -39,7 +38,7 @@ class LawError(BadInput):
     """A friction law cannot be used; the message is one sentence."""
 
 
-class Law(_Law):
+class Law(FrictionLaw):
     """A friction law mu(I; theta) in torch.
 
     Args:
@@ -114,7 +113,7 @@ def Parameter(
 
 
 @checked
-def register(law: _Law) -> None:
+def register(law: FrictionLaw) -> None:
     """Make a law known by its name: to `Config(law=NAME)` and to `read_results`.
 
     `granpinn.identify(flow, law=law)` does it. A law of your own replaces an earlier one of its

@@ -14,7 +14,7 @@ from granpinn.data.scaling import scales_of
 from granpinn.inspection.momentum_balance import Baseline, LawFit, Point
 from granpinn.kernels.network import OUTPUTS, NetworkSpec, initial_parameters
 from granpinn.physics.constants import Physics
-from granpinn.physics.laws import DEFAULT, Law
+from granpinn.physics.laws import DEFAULT, FrictionLaw
 from granpinn.results import (
     Covariance,
     DataSummary,
@@ -157,7 +157,7 @@ class Model(NamedTuple):
 
     spec: NetworkSpec
     params: torch.Tensor
-    law: Law
+    law: FrictionLaw
     theta: torch.Tensor
     physics: Physics
 

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import pytest
 import torch
 
-from granpinn import doctor
+from granpinn.commands import doctor
 
 AVX2 = {"avx2", "fma"}
 BUILT = ("generic", "avx2", "avx512")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from granpinn.commands.train import main
 from granpinn.config import Config, ConfigError
 from granpinn.errors import BadInput, CannotGoOn
-from granpinn.train import main
 
 
 @pytest.mark.parametrize("kind", [BadInput, CannotGoOn])

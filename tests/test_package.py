@@ -16,7 +16,7 @@ def test_public_names_load(name: str) -> None:
 
 def test_commands_leave_the_functions_of_their_names() -> None:
     code = (
-        "import granpinn; import granpinn.inspect.__main__, granpinn.convert, granpinn.simulate; "
+        "import granpinn; from granpinn.commands import convert, inspect, simulate; "
         "print(callable(granpinn.inspect), callable(granpinn.convert), callable(granpinn.simulate),"
         "granpinn.laws.__name__)"
     )
@@ -41,7 +41,7 @@ def test_import_loads_neither_torch_nor_the_kernels() -> None:
 
 def test_commands_load_no_part_of_scipy_that_few_flows_need() -> None:
     code = (
-        "import granpinn.command.training_run, granpinn.inspect.__main__, sys; "
+        "import granpinn.command.training_run, granpinn.commands.inspect, sys; "
         "print('scipy.signal' in sys.modules)"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -50,7 +50,7 @@ def test_commands_load_no_part_of_scipy_that_few_flows_need() -> None:
 
 def test_help_of_train_loads_no_large_library() -> None:
     code = (
-        "import sys; from granpinn import train; train.main(['--help']); "
+        "import sys; from granpinn.commands import train; train.main(['--help']); "
         "print([name for name in ('torch', 'scipy', 'h5py', 'matplotlib') if name in sys.modules])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

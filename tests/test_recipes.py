@@ -13,7 +13,10 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SUFFIXES = (".py", ".h", ".cpp", ".cu", ".cuh", ".html")
-EXAMPLES = {"granpinn/inspect/__main__.py", "granpinn/simulate.py"}  # in the help of commands
+EXAMPLES = {
+    "granpinn/commands/inspect.py",
+    "granpinn/commands/simulate.py",
+}  # in the help of commands
 
 LAW = {
     "csrc/math/laws/coulomb.h",
@@ -28,7 +31,7 @@ TERM = {
     "granpinn/physics/terms.py",  # a row
     "granpinn/reference/equations.py",
 }
-READER = {"granpinn/importers/insight.py", "granpinn/importers/formats.py"}
+READER = {"granpinn/importers/openpiv.py", "granpinn/importers/formats.py"}
 OPTIMISER = {"granpinn/training/optimise.py", "granpinn/config/sections.py"}
 
 
@@ -55,7 +58,7 @@ def test_a_residual_term_takes_four_files() -> None:
 
 
 def test_a_reader_takes_two_files() -> None:
-    assert files_with("insight") == READER
+    assert files_with("openpiv") == READER
 
 
 def test_an_optimiser_is_chosen_in_two_files() -> None:
@@ -65,7 +68,7 @@ def test_an_optimiser_is_chosen_in_two_files() -> None:
 
 def test_contributing_names_the_files_of_the_recipes() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    generic = {"coulomb": "NAME", "insight": "NAME"}
+    generic = {"coulomb": "NAME", "openpiv": "NAME"}
     for path in LAW | TERM | READER | OPTIMISER:
         for name, word in generic.items():
             path = path.replace(name, word)

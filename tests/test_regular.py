@@ -12,16 +12,15 @@ import numpy as np
 import pytest
 
 import granpinn
-import granpinn.convert as convert
-from granpinn import importers, train
+from granpinn import importers
+from granpinn.commands import convert, inspect, train
+from granpinn.commands import tables as tables_command
 from granpinn.config.toml import read_saved, read_toml
 from granpinn.data import read_flow
 from granpinn.fit.network import read_network
 from granpinn.importers import formats
-from granpinn.inspect import __main__ as inspect
 from granpinn.regular import read_text
 from granpinn.results import read_fields, read_results
-from granpinn.tables import __main__ as tables_command
 from granpinn.training.checkpoint import CheckpointError, newest
 from granpinn.training.history import read_history
 

@@ -15,9 +15,11 @@ from granpinn.config.values import convert
 from granpinn.results import plain
 
 
-def parse(parser: argparse.ArgumentParser) -> tuple[argparse.Namespace, list[str], Config]:
+def parse(
+    parser: argparse.ArgumentParser, arguments: Sequence[str] | None = None
+) -> tuple[argparse.Namespace, list[str], Config]:
     """Options of a study, the other words of the command line, and the settings that these are."""
-    options, words = parser.parse_known_args()
+    options, words = parser.parse_known_args(arguments)
     try:
         return options, words, config_of(words)
     except ConfigError as error:

@@ -18,7 +18,7 @@ from granpinn.data.norms import rms
 from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer
 from granpinn.fit.context import Context
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.results import plain
 from granpinn.results.record import Check, Record
 from granpinn.second_opinion import layers
@@ -129,7 +129,7 @@ class Resimulation(Record):
 
 def resimulate(
     flow: Flow,
-    law: Law,
+    law: FrictionLaw,
     theta: Sequence[float],
     cells: int | None = None,
     listener: SilentSimulation | None = None,

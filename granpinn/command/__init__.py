@@ -1,1 +1,1 @@
-"""Shared parts of the commands: cli and completion of `granpinn VERB`, parser, arguments."""
+"""What the commands share: the console command (cli), parser, exit codes, words for the user."""

@@ -1,21 +1,24 @@
 """The console command: `granpinn VERB ...` is the same as `python -m granpinn.VERB ...`.
 
-A verb is imported when it is used, so that `granpinn --help` is quick. The exit code comes from the
-verb; it is 2 for an unknown verb.
+A verb is a module of granpinn/commands/ with a row in `VERBS`. It is imported when it is used, so
+that `granpinn --help` is quick. The exit code comes from the verb; it is 2 for an unknown verb.
 """
 
 from __future__ import annotations
 
 import difflib
 import importlib
-import importlib.util
 import sys
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import granpinn
-from granpinn.command import completion, exit_codes
+from granpinn.command import exit_codes
 from granpinn.errors import BadInput
+
+if TYPE_CHECKING:
+    from granpinn.command.parser import Parser
 
 
 class Verb(NamedTuple):
@@ -46,6 +49,10 @@ VERBS = {
     "report": Verb(
         "draw the figures and the page of a finished run again; write its fields for ParaView",
         "granpinn report run --paraview",
+    ),
+    "export": Verb(
+        "write the law of a finished run as input of OpenFOAM, Basilisk or Chrono, or as JSON",
+        "granpinn export run --to openfoam --out transportProperties",
     ),
     "collect": Verb(
         "collect the results of many finished runs in one table",
@@ -78,65 +85,62 @@ FIRST_STEPS = """first steps:
 granpinn VERB --help explains every argument; python -m granpinn.VERB is the same command."""
 
 
+@dataclass(frozen=True)
+class Command:
+    """What a module of granpinn/commands/ calls `main`.
+
+    Attributes:
+        run: the words behind the verb -> exit code.
+    """
+
+    verb: str
+    parser: Callable[[], Parser]
+    run: Callable[[Sequence[str]], int]
+
+    def __call__(self, argv: Sequence[str]) -> int:
+        """The exit code for the words behind the verb; errors become one sentence on stderr."""
+        return exit_codes.exit_code(self.verb, lambda: self.run(argv))
+
+
+def command(verb: str) -> Command:
+    """The command of a verb, which is imported here."""
+    found: Command = importlib.import_module(f"granpinn.commands.{verb}").main
+    return found
+
+
+def start(verb: str) -> NoReturn:
+    """`python -m granpinn.VERB`: run the command with the words of this process, and end it."""
+    exit_codes.guard_process(verb)
+    sys.exit(command(verb)(sys.argv[1:]))
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a verb; returns its exit code. Without `argv`, the words of this process."""
     words = list(sys.argv[1:] if argv is None else argv)
     verb = words[0] if words and words[0] in VERBS else ""
     if argv is None:
         exit_codes.guard_process(verb)
-    if verb not in ("", "completion") and verb in available():
+    if verb:
         return command(verb)(words[1:])
-    return exit_codes.exit_code(verb, lambda: _own(words))
+    return exit_codes.exit_code(verb, lambda: _without_verb(words))
 
 
-def _own(words: Sequence[str]) -> int:
-    """Help, version and completion, which are no command of their own."""
+def _without_verb(words: Sequence[str]) -> int:
+    """Help and version."""
     if not words or words[0] in ("-h", "--help", "help"):
         print(help_text())
         return 0
     if words[0] in ("-V", "--version"):
         print(f"granpinn {granpinn.__version__}")
         return 0
-    verbs = available()
-    if words[0] != "completion":
-        raise BadInput(_unknown(words[0], verbs))
-    commands = {name: command(name) for name in verbs if name != "completion"}
-    return completion.main(words[1:], commands)
-
-
-def available() -> list[str]:
-    """The verbs of this installation."""
-    return [name for name in VERBS if name == "completion" or _module(name) is not None]
-
-
-def command(verb: str) -> Callable[[Sequence[str]], int]:
-    """The function behind a verb, loaded when it is called: arguments -> exit code."""
-
-    def run(argv: Sequence[str]) -> int:
-        name = _module(verb)
-        assert name is not None
-        return int(importlib.import_module(name).main(argv))
-
-    return run
+    near = difflib.get_close_matches(words[0], VERBS, n=1)
+    hint = f"did you mean granpinn {near[0]}?" if near else "granpinn --help lists them"
+    raise BadInput(f"expected one of {', '.join(VERBS)}, got {words[0]!r}: {hint}")
 
 
 def help_text() -> str:
     """The text of `granpinn --help`."""
     lines = ["usage: granpinn VERB [arguments]", "", PURPOSE, "", "verbs:"]
-    for name in available():
-        lines += [f"  {name:<12}{VERBS[name].does}", f"  {'':<12}  {VERBS[name].example}"]
+    for name, verb in VERBS.items():
+        lines += [f"  {name:<12}{verb.does}", f"  {'':<12}  {verb.example}"]
     return "\n".join([*lines, "", FIRST_STEPS])
-
-
-def _module(verb: str) -> str | None:
-    """The module of a verb: granpinn.VERB, or __main__ in a package of that name."""
-    spec = importlib.util.find_spec(f"granpinn.{verb}")
-    if spec is None:
-        return None
-    return f"granpinn.{verb}" + (".__main__" if spec.submodule_search_locations else "")
-
-
-def _unknown(word: str, verbs: Sequence[str]) -> str:
-    near = difflib.get_close_matches(word, verbs, n=1)
-    hint = f"did you mean granpinn {near[0]}?" if near else "granpinn --help lists them"
-    return f"expected one of {', '.join(verbs)}, got {word!r}: {hint}"

@@ -6,13 +6,8 @@
     2          bad input: BadInput
     129, 130, 143  stopped by SIGHUP, SIGINT, SIGTERM
 
-This module loads only the standard library. A command imports it before everything else, and has
-`guard_process` catch what happens while torch and the other libraries are loaded:
-
-    from granpinn.command import exit_codes
-
-    if __name__ == "__main__":
-        exit_codes.guard_process("train")
+This module loads only the standard library. `cli` calls `guard_process` before it imports a
+command, which so catches what happens while torch and the other libraries are loaded.
 
 With the environment variable GRANPINN_DEBUG=1 every sentence comes with its traceback.
 """

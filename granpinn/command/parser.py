@@ -1,14 +1,16 @@
-"""The parser of the commands: its errors are one sentence."""
+"""The parser of a command: settings of dataclasses become flags; an error is one sentence."""
 
 from __future__ import annotations
 
 import argparse
-import difflib
 import sys
-from collections.abc import Iterable, Sequence
+import typing
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from granpinn.config.fields import Setting, flag_of, nearest, without_none
+from granpinn.config.values import NONE, convert
 from granpinn.errors import BadInput
 
 PACKAGE = Path(__file__).parent.parent
@@ -22,36 +24,147 @@ def program(verb: str) -> str:
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises BadInput where argparse would print the usage and exit."""
+    """A parser in which every flag that is not given has no attribute in the namespace.
+
+    A setting of the type bool is a switch: `--x`, `--x true`, `--x=false` or `--no-x`.
+    """
+
+    def __init__(self, verb: str, usage: str, description: str, examples: str = "") -> None:
+        super().__init__(
+            prog=program(verb),
+            usage=f"%(prog)s {usage}",
+            description=description,
+            epilog=examples.replace(f"python -m granpinn.{verb}", program(verb)),
+            formatter_class=_Help,
+            argument_default=argparse.SUPPRESS,
+            allow_abbrev=False,
+        )
+        self.settings: dict[str, Setting] = {}  # by the names of their attributes
+        self._rare: list[tuple[Any, str, str]] = []  # object, attribute, text that --help-all shows
+
+    def add_settings(
+        self,
+        settings: Mapping[str, Setting],
+        groups: Mapping[str, str] | None = None,
+        usual: Collection[str] | None = None,
+    ) -> None:
+        """One flag for each setting.
+
+        Args:
+            settings: by the names of their attributes, such as "network.widths".
+            groups: descriptions of the groups of settings.
+            usual: names in the help; --help-all shows the others and the groups too. None: all.
+        """
+        if usual is not None:
+            self.add_argument("--help-all", action=_HelpAll, nargs=0, help="show every setting")
+        places: dict[str, Any] = {"": self}
+        for name, text in (groups or {}).items():
+            places[name] = self.add_argument_group(name)
+            self._show(places[name], "description", text, usual is None)
+        for key, stated in settings.items():
+            shown = usual is None or key in usual
+            add = (places[stated.group] if not shown or usual is None else self).add_argument
+            action = add(
+                flag_of(key),
+                dest=key,
+                metavar=metavar_of(stated),
+                nargs="?" if stated.kind is bool else None,
+                help=argparse.SUPPRESS,
+            )
+            self._show(action, "help", _help_of(key, stated).replace("%", "%%"), shown)
+        self.settings |= settings
+
+    def _show(self, place: Any, attribute: str, text: str, shown: bool) -> None:
+        if shown:
+            setattr(place, attribute, text)
+        else:
+            self._rare.append((place, attribute, text))
+
+    def show_all(self) -> None:
+        """Let the help show every setting."""
+        for place, attribute, text in self._rare:
+            setattr(place, attribute, text)
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As in argparse; an unknown flag comes with the nearest one.
+        """As in argparse, with settings as values of their types.
 
         No argument of any command may be empty: an empty path would be the current folder.
+
+        Raises:
+            BadInput: the message is one sentence; an unknown flag comes with the nearest one.
         """
-        words = sys.argv[1:] if args is None else args
+        words = self._joined(sys.argv[1:] if args is None else args)
         for word in words:
             if not word or (word.startswith("--") and word.endswith("=")):
                 self.error(f"every argument must have a value, got {word!r}")
-        found, rest = self.parse_known_args(args, namespace)
+        found, rest = self.parse_known_args(words, namespace)
         if rest:
             self.error(f"unrecognized arguments: {' '.join(rest)}{self._meant(rest)}")
+        for key, stated in self.settings.items():
+            if key in found:
+                setattr(found, key, convert(getattr(found, key), stated.kind, flag_of(key)))
         return found
+
+    def _joined(self, words: Sequence[str]) -> list[str]:
+        """The words with `--x=value` for every setting.
+
+        So a switch takes the word after it only if that is true or false, and -1.2 is no flag.
+        """
+        flags = {flag_of(key): stated.kind is bool for key, stated in self.settings.items()}
+        rest, made = list(words), []
+        while rest:
+            word = rest.pop(0)
+            positive = word.replace("--no-", "--", 1)
+            if flags.get(word):
+                value = rest.pop(0) if rest and rest[0].lower() in ("true", "false") else "true"
+                word = f"{word}={value.lower()}"
+            elif word in flags and rest and not rest[0].startswith("--"):
+                word = f"{word}={rest.pop(0)}"
+            elif positive != word and flags.get(positive):
+                word = f"{positive}=false"
+            made.append(word)
+        return made
 
     def error(self, message: str) -> NoReturn:
         raise BadInput(f"{message}; {self.prog} --help explains every argument")
 
     def _meant(self, rest: Sequence[str]) -> str:
-        flags = [word.partition("=")[0] for word in rest if word.startswith("--")]
-        near = nearest(flags[0], self._option_string_actions) if flags else None
-        return "" if near is None else f": did you mean {near}?"
+        known = {flag.lstrip("-"): flag for flag in self._option_string_actions}
+        flags = [word[2:].partition("=")[0] for word in rest if word.startswith("--")]
+        near = nearest(flags[0], known) if flags else None
+        return "" if near is None else f": did you mean {known[near]}?"
 
 
-def nearest(flag: str, known: Iterable[str]) -> str | None:
-    """The known flag that is most like `flag`, whose group may be missing; None without one."""
-    names = {name: name for name in known}
-    for name in [*names]:
-        names.setdefault(f"--{name.rpartition('.')[2].lstrip('-')}", name)
-    near = difflib.get_close_matches(flag.replace("_", "-"), names, n=1)
-    near = near or difflib.get_close_matches(flag, names, n=1)
-    return names[near[0]] if near else None
+class _Help(argparse.RawDescriptionHelpFormatter):
+    """Help with one line for the name and the rest for the explanation."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, max_help_position=30, width=100)
+
+
+class _HelpAll(argparse.Action):
+    def __call__(self, parser: Any, *others: Any) -> None:
+        parser.show_all()
+        parser.print_help()
+        parser.exit()
+
+
+def metavar_of(stated: Setting) -> str:
+    """The placeholder for the value of a setting in the help, such as {V0,V1,V2} or N."""
+    if stated.metavar or stated.choices:
+        return stated.metavar or "{" + ",".join(stated.choices) + "}"
+    kind, _ = without_none(stated.kind)
+    names = {int: "N", float: "X", str: "VALUE", bool: "true|false"}
+    if typing.get_origin(kind) is not tuple:
+        return names[kind]
+    item = names[typing.get_args(kind)[0]]
+    return f"{item},{item},..."
+
+
+def _help_of(key: str, stated: Setting) -> str:
+    value, text = stated.default, stated.help
+    if stated.kind is bool:
+        return f"{text} (on; off: --no-{flag_of(key)[2:]})" if value else text
+    if value is None:
+        return f"{text} (default {NONE})" if f"{NONE}:" in text else text
+    return f"{text} (default {','.join(map(str, value)) if isinstance(value, tuple) else value})"

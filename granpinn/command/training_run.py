@@ -24,7 +24,7 @@ from granpinn.terminal import say
 from granpinn.training import parallel, progress
 
 REPORT = "report"
-FIGURES = progress.Stage("figures", seconds=3.0)
+FIGURES = progress.Stage("figures", seconds=3.5)
 
 
 def run(config: Config, verbose: bool = False, begin: float | None = None) -> int:

@@ -39,6 +39,8 @@ class Setting:
         positive: a number must be above 0, which is a `low` of TINY.
         choices: the values that it may have; (): all of its type.
         free: a resumed run may have another value, since it changes no number of the training.
+        group: heading of the flag in the help; of a setting in a section the section.
+        metavar: placeholder of its value in the help; "": one for its type.
     """
 
     kind: Any
@@ -49,6 +51,8 @@ class Setting:
     positive: bool = False
     choices: Collection[Any] = ()
     free: bool = False
+    group: str = ""
+    metavar: str = ""
 
     def check(self, value: Any, name: str) -> None:
         """Refuses a value outside of the choices or the range; `name` is for the message."""
@@ -109,15 +113,21 @@ def settings_group(cls: type[C]) -> type[C]:
     return cls
 
 
-def unknown(shown: str, name: str, known: Iterable[str]) -> str:
-    """The sentence about a setting that does not exist, with the nearest of the known names."""
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name that is most like `name`, which may lack its section; None without one."""
     names = {key: key for key in known}
     for key in [*names]:
-        names.setdefault(key.rpartition(".")[2], key)  # a name alone may lack its section
-    near = difflib.get_close_matches(name, names, n=1)
-    if not near and "." in name:
-        near = difflib.get_close_matches(name.rpartition(".")[2], names, n=1)
-    hint = f"did you mean {names[near[0]]}?" if near else "granpinn train --help lists them"
+        names.setdefault(key.rpartition(".")[2], key)
+    for word in (name, name.replace("_", "-"), name.rpartition(".")[2]):
+        if near := difflib.get_close_matches(word, names, n=1):
+            return names[near[0]]
+    return None
+
+
+def unknown(shown: str, name: str, known: Iterable[str]) -> str:
+    """The sentence about a setting that does not exist, with the nearest of the known names."""
+    near = nearest(name, known)
+    hint = f"did you mean {near}?" if near else "granpinn train --help lists them"
     return f"unknown setting {shown}: {hint}"
 
 
@@ -141,7 +151,7 @@ def settings_of(cls: type) -> dict[str, Setting]:
         if f.name in sections:
             for name, stated in settings_of(sections[f.name]).items():
                 free = stated.free or f.metadata["free"]
-                found[f"{f.name}.{name}"] = dataclasses.replace(stated, free=free)
+                found[f"{f.name}.{name}"] = dataclasses.replace(stated, free=free, group=f.name)
             continue
         kind = kinds[f.name]
         found[f.name] = Setting(kind, f.default, **f.metadata)

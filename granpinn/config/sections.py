@@ -60,6 +60,7 @@ class Rheology:
         None,
         "values of parameters that the law holds fixed, such as mu_inf=0.04,alpha=1.8; none: those "
         "of the law, or of the flow; I0 has the flag --I0",
+        metavar="NAME=X,...",
     )
     p_floor: float = setting(1e-6, "smallest pressure in I = d gamma_dot / sqrt(p)", positive=True)
 

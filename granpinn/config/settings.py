@@ -68,7 +68,7 @@ class Config:
 
     flow: str | None = setting(None, "the flow file (HDF5)", free=True)
     out: str | None = setting(
-        None, "folder of the run: results, fields, figures, checkpoints", free=True
+        None, "folder of the run: results, fields, figures, checkpoints", free=True, metavar="DIR"
     )
     level: Level = setting(
         "V1",
@@ -133,6 +133,7 @@ class Config:
         "what else to compute, to trust the numbers: none, quick (what takes seconds), all, or "
         "names of checks, with commas between them",
         free=True,
+        metavar="NAME,...",
     )
     compare_laws: bool = setting(
         False,

@@ -1,6 +1,5 @@
 """Flows: files, rules, synthetic noise, and the points of training and scoring."""
 
-from granpinn.data.collocation import with_collocation
 from granpinn.data.flow import (
     Flow,
     FlowFileError,
@@ -13,10 +12,9 @@ from granpinn.data.flow import (
 from granpinn.data.noise import add_noise, known_sd
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.particles import particle_flow
-from granpinn.data.points import TestGrid, TrainingSet, test_grid, training_set
+from granpinn.data.points import TrainingSet, test_grid, training_set
 from granpinn.data.reader import read_flow
 from granpinn.data.rules import check_flow
-from granpinn.data.wall_points import with_walls
 from granpinn.data.writer import write_flow
 
 __all__ = [
@@ -25,7 +23,6 @@ __all__ = [
     "FlowFileWarning",
     "Particles",
     "Surface",
-    "TestGrid",
     "TrainingSet",
     "Truth",
     "Walls",
@@ -36,8 +33,6 @@ __all__ = [
     "read_flow",
     "test_grid",
     "training_set",
-    "with_collocation",
     "with_partial_cells",
-    "with_walls",
     "write_flow",
 ]

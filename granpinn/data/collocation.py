@@ -10,61 +10,41 @@ Tracked particles need no such points, since their vectors are at random places.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.data.flow import Flow
-from granpinn.data.points import TrainingSet, turned_and_rounded
-from granpinn.data.symmetry import axes_of
+from granpinn.data.large import slabs
 from granpinn.data.walls import Segments, crossed, segments_of
 from granpinn.physics.axes import vertical_coordinate
-
-if TYPE_CHECKING:
-    from granpinn.physics.scales import Scales
 
 # Of Philox; the same points for every seed, so that the members of an ensemble share them.
 _KEY = 3 << 64
 
 
-def with_collocation(
-    training: TrainingSet, flow: Flow, scales: Scales, share: float
-) -> TrainingSet:
-    """The training set with points between its vectors, `share` of them for each vector.
+def above_ground(flow: Flow, lowest: int | None = None) -> Bool:
+    """Cells full of grains that count, without their lowest row [T, Y, X].
 
-    It is unchanged if share is 0, for tracked particles, and if no cell of the grid above the
-    lowest row is full of grains.
+    Args:
+        lowest: the lowest row of the flow of which this is a part.
     """
-    if flow.particles is not None:
-        return training
-    above = above_ground_after_start(flow)
-    x, y, t = points_between(flow, above, round(share * len(training.points)))
-    if x.size == 0:
-        return training
-    points = scales.points_to_dimensionless(x, y, t)
-    between = torch.as_tensor(turned_and_rounded(points, axes_of(flow))).to(training.points)
-    return replace(training, between=between, equation_weights=torch.ones_like(between[:, 0]))
+    grains = flow.material & flow.after_start(flow.t)[:, None, None]
+    rows = [k for k in (lowest_row(flow), lowest) if k is not None]
+    lower = max if vertical_coordinate(flow.gravity)[1] else min
+    return without_row(grains, flow.gravity, lower(rows, default=None))
 
 
-def above_ground_after_start(flow: Flow) -> Bool:
-    """Cells full of grains that count, without the lowest row [T, Y, X]."""
-    return above_ground(flow.material & flow.after_start(flow.t)[:, None, None], flow.gravity)
-
-
-def above_ground(grains: Bool, gravity: tuple[float, float]) -> Bool:
-    """`grains` [T, Y, X] without its lowest row, against gravity."""
-    return without_row(grains, gravity, lowest_row(grains, gravity))
-
-
-def lowest_row(grains: Bool, gravity: tuple[float, float]) -> int | None:
-    """The lowest row of `grains` [T, Y, X], or column if gravity is along x; None without any."""
-    coordinate, downwards = vertical_coordinate(gravity)
-    rows = np.flatnonzero(grains.any(axis=(0, 1 + coordinate)))
-    return int(rows[-1 if downwards else 0]) if rows.size else None
+def lowest_row(flow: Flow) -> int | None:
+    """The lowest row of cells full of grains that count, or column if gravity is along x."""
+    coordinate, downwards = vertical_coordinate(flow.gravity)
+    lowest = []
+    for k in slabs(flow):
+        grains = (flow.c[k] >= 1) & flow.after_start(flow.t[k])[:, None, None]
+        lowest.append(np.flatnonzero(grains.any(axis=(0, 1 + coordinate))))
+    rows = np.concatenate(lowest)
+    return int(rows.max() if downwards else rows.min()) if rows.size else None
 
 
 def without_row(grains: Bool, gravity: tuple[float, float], row: int | None) -> Bool:

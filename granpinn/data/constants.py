@@ -16,11 +16,12 @@ from granpinn.data.flow import (
     STEADY,
     SURFACE_SD,
     WALL_GAP,
+    WINDOW,
     Flow,
     FlowFileError,
     Truth,
 )
-from granpinn.data.format import TRUTH
+from granpinn.data.schema import TRUTH
 
 LONGEST_UNIT = 64  # characters
 # Attributes without a meaning for the training, which second opinions take as sizes.
@@ -30,6 +31,13 @@ STATED = frozenset(
         *(SOLVER_CELL, SOLVER_MEAN, "air_density", "air_viscosity", "cohesion"),
     )
 )
+# Lengths that a file may state: words for 0 where it may be 0, and when to leave them out.
+LENGTHS = {
+    WALL_GAP: ("", " if no side walls touch the grains"),
+    SURFACE_SD: ("0 for an exact line or ", ""),
+    PERIOD_X: ("", " if the sides are not periodic"),
+    WINDOW: ("", " if each vector is a value at a point"),
+}
 
 
 def check_constants(**constants: Any) -> None:
@@ -81,29 +89,19 @@ def _check_attributes(flow: Flow) -> None:
                 f"the attribute {name!r} must be 0 or from {LEAST:g} to {LARGEST:g}, got "
                 f"{value:g}: correct it or leave it out"
             )
-    steady, period = flow.attributes.get(STEADY, 0), flow.attributes.get(PERIOD_X, 1.0)
+    steady = flow.attributes.get(STEADY, 0)
     if steady not in (0, 1):
         raise FlowFileError(
             f"the attribute {STEADY} must be 1 in a steady flow and 0 in any other, got "
             f"{steady!r}: correct it or leave it out"
         )
-    gap = flow.attributes.get(WALL_GAP, 1.0)
-    if isinstance(gap, str) or not LEAST <= gap <= LARGEST:
-        raise FlowFileError(
-            f"the attribute {WALL_GAP} must be a length from {LEAST:g} to {LARGEST:g}, got "
-            f"{gap!r}: correct it, or leave it out if no side walls touch the grains"
-        )
-    sd = flow.attributes.get(SURFACE_SD, 0)
-    if isinstance(sd, str) or not (sd == 0 or LEAST <= sd <= LARGEST):
-        raise FlowFileError(
-            f"the attribute {SURFACE_SD} must be 0 for an exact line or a length from {LEAST:g} to "
-            f"{LARGEST:g}, got {sd!r}: correct it or leave it out"
-        )
-    if isinstance(period, str) or not LEAST <= period <= LARGEST:
-        raise FlowFileError(
-            f"the attribute {PERIOD_X} must be a length from {LEAST:g} to {LARGEST:g}, got "
-            f"{period!r}: correct it, or leave it out if the sides are not periodic"
-        )
+    for name, (zero, without) in LENGTHS.items():
+        value = flow.attributes.get(name, 1.0)
+        if isinstance(value, str) or not ((zero and value == 0) or LEAST <= value <= LARGEST):
+            raise FlowFileError(
+                f"the attribute {name} must be {zero}a length from {LEAST:g} to {LARGEST:g}, got "
+                f"{value!r}: correct it, or leave it out{without}"
+            )
 
 
 def _check_material_constants(flow: Flow) -> None:

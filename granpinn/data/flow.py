@@ -21,6 +21,7 @@ from granpinn.physics.law_values import LawValues
 LEAST, LARGEST = 1e-30, 1e30
 # among the attributes
 STEADY, PERIOD_X, SURFACE_SD, WALL_GAP = "steady", "period_x", "surface_sd", "wall_gap"
+WINDOW = "interrogation_window"  # side of the squares over which each vector is a mean
 SOLVER_CELL = "grid_spacing_of_solver"
 SOLVER_MEAN = "averaging_length_of_solver"  # of the strain rate in its friction law
 

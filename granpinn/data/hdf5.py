@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.format import Layout
+from granpinn.data.schema import Layout
 from granpinn.foreign import read_foreign
 from granpinn.regular import RETRY, UnsafeFileError, open_regular_file
 

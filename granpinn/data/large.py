@@ -2,7 +2,7 @@
 
 A flow of at most `MOST_CELLS` cells over all frames is used as it is. Of a larger one
 
-- checks and training points go over all frames, in slabs of some frames (`slabs`, `streamed.py`);
+- checks and training points go over all frames, in slabs of some frames (`slabs`);
 - fields, figures and errors are those of frames that are spread evenly (`spread`);
 - noise, symmetries and the momentum balance are those of runs of frames (`runs`), which are spread
   evenly too: differences in time need neighbors;
@@ -52,8 +52,11 @@ def most_cells(flow: Flow) -> int:
 
 
 def some_frames(flow: Flow, frames: slice | Index) -> Flow:
-    """A flow of some frames, in memory, with their points of the surface and all walls."""
+    """A flow of some frames, in memory, with their points of the surface and all walls; the flow
+    itself if these are all frames."""
     k = np.arange(flow.t.size)[frames]
+    if k.size == flow.t.size:
+        return flow
     arrays = {name: getattr(flow, name) for name in GRID}
     kept: dict[str, Any] = {
         name: np.array(a[frames]) for name, a in arrays.items() if isinstance(a, np.ndarray)
@@ -63,7 +66,7 @@ def some_frames(flow: Flow, frames: slice | Index) -> Flow:
 
 
 def of_frames(surface: Surface, t: Float64, frames: Index) -> Surface:
-    """The points that are nearest in time to some of the frames at t [T] (`surface_line.py`)."""
+    """The points that are nearest in time to some of the frames at t [T] (`surface.py`)."""
     wanted = np.zeros(t.size, bool)
     wanted[frames] = True
     known, nearest = _nearest.get(surface, (None, None))

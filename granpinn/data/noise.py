@@ -87,12 +87,6 @@ def stated_sigmas(flow: Flow) -> tuple[Any, Any]:
     return sigma_u, sigma_v
 
 
-def variance(sigma_u: Floats, sigma_v: Floats) -> Float64:
-    """sigma_u^2 + sigma_v^2 [n]."""
-    squares = [np.square(s, dtype=np.float64) for s in (sigma_u, sigma_v)]
-    return np.asarray(squares[0] + squares[1])
-
-
 def velocity_weights(variances: Float64) -> Float64:
     r"""Weights of vectors [n] with mean 1, from the variances of their measurement [n].
 

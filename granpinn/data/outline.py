@@ -1,24 +1,60 @@
-"""The upper edge of the grains, which stands for the free surface at level V0."""
+"""The free surface of a level of information; at level V0 the upper edge of the grains."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.data.flow import SOLVER_CELL, Flow, Surface
+from granpinn.data.flow import SOLVER_CELL, Flow, FlowFileError, Surface
+from granpinn.data.large import chosen
 from granpinn.data.local_planes import smoothed
+from granpinn.data.partial_cells import filled_slabs
 from granpinn.data.walls import crossed, segments_of
 from granpinn.physics.axes import vertical_coordinate
 
 NO_ROW = -1
+# In the toe the layer is thinner than this many grains, and p = 0 does not hold. A flow with
+# periodic sides has no toe.
+TOE_GRAINS = 2.0
+
+
+def surface_of(flow: Flow, level: str) -> Surface:
+    """The points of the free surface that a level uses: after the start and above the toe.
+
+    Raises:
+        FlowFileError: there are none.
+    """
+    surface = outline(flow) if level == "V0" else flow.surface
+    if surface is None:
+        raise FlowFileError(
+            f"level {level} needs the free surface, got no surface_t, surface_x, surface_y: add "
+            "them or use level V0; a flow without any free surface needs a wall with wall_p there"
+        )
+    if level == "V2" and surface.p is None:
+        raise FlowFileError(
+            "level V2 needs the pressure on the free surface, got no surface_p: add it or use "
+            "level V1"
+        )
+    kept = flow.after_start(surface.t)
+    if level != "V2" and surface.t.size and not flow.periodic:
+        h = flow.height(surface.x, surface.y)
+        kept &= h > h.min() + TOE_GRAINS * flow.grain_diameter
+    if not kept.any() and level != "V0":
+        raise FlowFileError(
+            f"level {level} needs points of the free surface at t > 0 and more than "
+            f"{TOE_GRAINS:g} grain diameters above the lowest of them, got none: add more of "
+            "the surface or use level V0"
+        )
+    return chosen(surface, kept)
 
 
 def outline(flow: Flow) -> Surface:
     """The upper edge of the grains, with one point for every time and place along the ground."""
-    return outline_above(highest_rows(flow), flow)
+    rows = [_highest_rows(part) for _, part in filled_slabs(flow)]
+    return _outline_above(np.concatenate(rows), flow)
 
 
-def highest_rows(flow: Flow) -> Index:
+def _highest_rows(flow: Flow) -> Index:
     """The highest row of grains at every time and place along the ground [T, X]; -1: none.
 
     Grains at the upper edge of the grid are left out, because nothing is known above them; and so
@@ -38,8 +74,8 @@ def highest_rows(flow: Flow) -> Index:
     return rows
 
 
-def outline_above(rows: Index, flow: Flow) -> Surface:
-    """The upper edge of the grains above their highest rows, as of `highest_rows`.
+def _outline_above(rows: Index, flow: Flow) -> Surface:
+    """The upper edge of the grains above their highest rows [T, X].
 
     The vectors of the flow are not read. The edge lies half way between the highest grain point and
     the one above it, to half a spacing. Local planes make it more exact (local_planes.py). Without

@@ -10,6 +10,7 @@ A partly filled cell of a solver is another thing: its velocity is that of a mix
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,8 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import SOLVER_CELL, Flow, Surface
-from granpinn.data.surface_line import folded, line_heights, points_of
+from granpinn.data.large import is_large, slabs, some_frames
+from granpinn.data.surface import folded, line_heights, points_of
 from granpinn.data.walls import Segments, parted, segments_of
 from granpinn.physics.axes import vertical_coordinate
 
@@ -40,6 +42,25 @@ def with_partial_cells(flow: Flow) -> Flow:
         below &= ~_behind(flow, segments_of(flow.walls), partial & below)
     c = np.where(partial & below, np.ones_like(flow.c), flow.c)
     return replace(flow, c=c)
+
+
+def filled_slabs(
+    flow: Flow, frames: Index | None = None, ahead: int = 0
+) -> Iterator[tuple[slice, Flow]]:
+    """Slabs of frames and the flow in them; that of a large flow with its partly filled cells.
+
+    Args:
+        frames: those that count, by default all. Slabs without any are left out.
+        ahead: further frames behind the slab.
+    """
+    for k in slabs(flow):
+        if frames is None:
+            part = some_frames(flow, slice(k.start, k.stop + ahead))
+        elif (here := frames[(frames >= k.start) & (frames < k.stop)]).size:
+            part = some_frames(flow, here)
+        else:
+            continue
+        yield k, with_partial_cells(part) if is_large(flow) else part
 
 
 def _below(flow: Flow, surface: Surface) -> Bool:

@@ -13,9 +13,8 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Index
 from granpinn.data.flow import Flow, FlowFileError, Particles
-from granpinn.data.format import Layout, particle_arrays_of
-from granpinn.data.layout import check_layout
 from granpinn.data.memory import available
+from granpinn.data.schema import Layout, check_layout, particle_arrays_of
 from granpinn.declared import checked
 
 # A cell is this many times wider than the usual distance to the nearest grain.

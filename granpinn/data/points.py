@@ -1,34 +1,50 @@
-"""The points of training and scoring, dimensionless and in the order (t, y, x)."""
+"""The points of training and scoring, dimensionless and in the order (t, y, x).
+
+A training set is made slab by slab (`large.py`), and a flow that is not large is one slab. At most
+`MOST_VECTORS` vectors train: a random part of every slab, the same in each, and the same for every
+seed. There are as many points between the vectors, in the strip under the surface and on walls for
+each vector that trains as in a flow whose vectors all train. Points in the strip and on walls come
+from every n-th frame, points of the free surface from all frames. So a training set takes at most
+`MOST_BYTES`. It holds more points than the default training draws, 2.6e7.
+
+Variants of a flow differ in the cells that count as full of grains, and in the free surface. The
+sets of all variants have the same points in one order; a point that a variant lacks has the weight
+0 there. So one draw of points serves all, and its scatter cancels in a difference.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 
-from granpinn.arrays import Bool, Float64, Floats, Index
+from granpinn.arrays import Bool, Float64, Index
 from granpinn.config import LEVELS
+from granpinn.data.collocation import above_ground, lie_between, lowest_row, points_between
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
-from granpinn.data.large import chosen
-from granpinn.data.noise import variance, velocity_weights
-from granpinn.data.outline import outline
+from granpinn.data.large import of_frames, slabs, some_frames
+from granpinn.data.noise import velocity_weights
+from granpinn.data.outline import surface_of
+from granpinn.data.partial_cells import filled_slabs
+from granpinn.data.scaling import placed, turned_and_rounded
+from granpinn.data.surface_strip import Strip, draw, strip_of
 from granpinn.data.symmetry import axes_of
+from granpinn.data.wall_points import walls_of, warn_of_contradictions
 from granpinn.physics.axes import Axes
+from granpinn.physics.terms import LossPoints
 
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
 
-# In the toe the layer is thinner than this many grains, and p = 0 does not hold. A flow with
-# periodic sides has no toe.
-TOE_GRAINS = 2.0
-# Positions and velocities are rounded to this, the resolution of float32 at 1 and far below any
-# measurement. The same data in other units differ by 1e-16. After rounding they are equal, and so
-# are their trainings.
-RESOLUTION = 2.0**-24
-
-Indices = tuple[Index, Index, Index]
+MOST_VECTORS = 2**24
+# With as many points between the vectors: 28 bytes for a vector, 16 for a point between, and 28 for
+# each once they are pooled.
+MOST_BYTES = 100 * MOST_VECTORS
+_KEY = 5 << 64  # of Philox; the same vectors for every seed
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +58,7 @@ class TrainingSet:
         points: (x, y, t) of the data, [N, 3].
         velocity: measured (u, v), [N, 2].
         point_weights: weights of the velocity and of the physics at each point, [N, 2]; the mean
-            is 1. A point with weights 0 is of another variant of the flow
-            (granpinn/data/variants.py).
+            is 1. A point with weights 0 belongs to another variant of the flow.
         surface_points: (x, y, t) of the free surface, [M, 3]; at level V0, points of the upper
             outline of the data.
         surface_pressure: [M]; 0 at levels V0 and V1, measured at V2.
@@ -76,6 +91,11 @@ class TrainingSet:
     def arrays(self) -> dict[str, torch.Tensor]:
         """All arrays by name; `source` only where there is one."""
         return {name: value for name, value in vars(self).items() if value is not None}
+
+    @property
+    def loss_points(self) -> LossPoints:
+        """The part that the residual loss takes."""
+        return LossPoints._make(getattr(self, name) for name in LossPoints._fields)
 
     def pooled(self) -> TrainingSet:
         """The training set with the B, S and W points among the data points, for batches.
@@ -113,86 +133,399 @@ class TrainingSet:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class TestGrid:
-    """All points with c = 1: `points` [K, 3] = (x, y, t), float64, and their indices.
-
-    `indices` are three arrays [K] (frame, row, column): `flow.u[grid.indices]` is u there.
-    """
-
-    points: torch.Tensor
-    indices: Indices
-
-
 def training_set(
     flow: Flow,
     scales: Scales,
     level: str = "V1",
     dtype: torch.dtype = torch.float32,
-    surface: Surface | None = None,
+    collocation: float = 0.0,
 ) -> TrainingSet:
-    """The data points (valid vector; on a grid: c = 1) and the surface points of a level.
+    """The points of a fit: vectors, free surface, points of the equations alone, and walls.
 
-    They are at t > 0, or at any time of a steady flow.
+    A vector counts if it is valid, at t > 0 or at any time of a steady flow, and on a grid where
+    c = 1.
 
     Args:
+        flow: with its partly filled cells (`with_partial_cells`) unless it is large.
         level: "V0": velocity only, p = 0 on the upper `outline` of its points; "V1": also the line
             of the free surface, with p = 0; "V2": also the measured pressure on this line.
         dtype: of all tensors.
-        surface: points of the free surface, by default those of the level.
+        collocation: points between the vectors for each vector.
 
     Raises:
         FlowFileError: the flow lacks data that the level needs.
     """
     if level not in LEVELS:
         raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {level!r}")
-    _require_distinct(flow, scales, dtype)
-    samples = samples_of(flow)
-    axes = axes_of(flow)
-    points = scales.points_to_dimensionless(samples.x, samples.y, samples.t)
-    measured = np.stack([samples.u, samples.v], -1, dtype=np.float64)
-    velocity = scales.to_dimensionless(measured, "velocity")
-    weights = np.stack([_velocity_weights(samples), np.ones(len(points))], -1)
-    surface = surface_of(flow, level) if surface is None else surface
-    points, velocity = (turned_and_rounded(values, axes) for values in (points, velocity))
+    variant = flow, surface_of(flow, level)
+    return training_sets([variant], flow, scales, level, dtype, collocation)[0]
 
-    def tensor(values: Floats) -> torch.Tensor:
-        return torch.as_tensor(values).to(dtype)
 
-    training = TrainingSet(
-        tensor(points),
-        tensor(velocity),
-        tensor(weights),
-        tensor(place_of(surface, flow, scales)),
-        tensor(pressure_on(surface, scales, level)),
-        lower=tensor(points.min(axis=0)),
-        upper=tensor(points.max(axis=0)),
-        between=tensor(points[:0]),
-        strip=tensor(points[:0]),
-        equation_weights=tensor(points[:0, 0]),
-        wall_points=tensor(points[:0]),
-        wall_velocity=tensor(velocity[:0]),
+def training_sets(
+    variants: Sequence[tuple[Flow, Surface]],
+    flow: Flow,
+    scales: Scales,
+    level: str,
+    dtype: torch.dtype,
+    collocation: float,
+) -> list[TrainingSet]:
+    """The points of a fit for every variant of a flow.
+
+    Points in the strip move with the surface, and so differ between the sets. Walls have the same
+    conditions in all sets. The mean of a loss over a set is that over the own points of a variant.
+
+    Args:
+        variants: flows that differ in `c` alone, each with its points of the free surface; all
+            surfaces have the same number of points.
+        flow: the vectors that decide about the conditions on its walls.
+        level, dtype, collocation: as in `training_set`.
+
+    Raises:
+        FlowFileError: the flow lacks data that the level needs.
+    """
+    union = variants[0][0]
+    if len(variants) > 1:
+        union = replace(union, c=np.max([variant.c for variant, _ in variants], axis=0))
+    _require_distinct(union, scales, dtype)
+    full, some = vector_counts(union)
+    part = min(1.0, MOST_VECTORS / max(1, full))
+    made = _Made(variants, union, scales, level, dtype, collocation, part, some)
+    for frames, own in filled_slabs(union, ahead=1):
+        made.add(frames, own)
+    sets = made.joined()
+    sets = _with_walls(sets, flow, scales, part)
+    if flow.source is None:
+        return sets
+    return [
+        replace(s, source=source_at(torch.cat([s.points, s.between, s.strip]), flow, scales))
+        for s in sets
+    ]
+
+
+def vector_counts(flow: Flow) -> tuple[int, int]:
+    """Vectors after the start in cells full of grains, and in cells with any grains."""
+    if flow.particles is not None:
+        return flow.particles.u.size, flow.particles.u.size
+    full, some = 0, 0
+    for k in slabs(flow):
+        there = np.isfinite(flow.u[k]) & flow.after_start(flow.t[k])[:, None, None]
+        full += int((there & (flow.c[k] >= 1)).sum())
+        some += int((there & (flow.c[k] > 0)).sum())
+    return full, some
+
+
+def _frames(flow: Flow, part: float) -> Index:
+    """The frames from which points in strips and on walls come, for a part of the vectors."""
+    every = int(1 / part)
+    return (
+        np.arange(flow.t.size) if every == 1 else np.flatnonzero(flow.after_start(flow.t))[::every]
     )
-    for name, values in training.arrays().items():
-        if not torch.isfinite(values).all():
+
+
+class _Rows:
+    """Rows in one block of memory: many small blocks would leave gaps between them.
+
+    Args:
+        most: rows; those that are never used take no memory.
+    """
+
+    def __init__(self, most: int, columns: int, dtype: torch.dtype) -> None:
+        self._block, self._count = torch.empty(most, columns, dtype=dtype), 0
+
+    def add(self, rows: Float64) -> torch.Tensor:
+        """Add rows, and return them in the type of the block."""
+        start, self._count = self._count, self._count + len(rows)
+        added = self._block[start : self._count]
+        added[:] = torch.as_tensor(rows)
+        return added
+
+    @property
+    def all(self) -> torch.Tensor:
+        """The rows so far [count, columns]."""
+        return self._block[: self._count]
+
+
+class _Made:
+    """The points that were made of the slabs of a flow so far, for all variants.
+
+    Args:
+        flow: of all variants, with the cells that are full in any of them.
+        part: of the vectors that train.
+        some: vectors in cells with any grains.
+    """
+
+    def __init__(
+        self,
+        variants: Sequence[tuple[Flow, Surface]],
+        flow: Flow,
+        scales: Scales,
+        level: str,
+        dtype: torch.dtype,
+        collocation: float,
+        part: float,
+        some: int,
+    ) -> None:
+        self.variants, self.flow, self.scales, self.level = variants, flow, scales, level
+        self.collocation = 0.0 if flow.particles is not None else collocation
+        self.dtype, self.part, self.frames = dtype, part, _frames(flow, part)
+        self.row = lowest_row(flow) if self.collocation else None
+        most = math.ceil(part * some) + len(slabs(flow))
+        self.points, self.velocity = _Rows(most, 3, dtype), _Rows(most, 2, dtype)
+        self.between = _Rows(round(self.collocation * most) + len(slabs(flow)), 3, dtype)
+        self.variances: list[Float64] = []
+        # For each variant: the vectors and the points between that it has, and its strips.
+        self.own: list[list[Bool]] = [[] for _ in variants]
+        self.inside: list[list[Bool]] = [[] for _ in variants]
+        self.strips: list[list[Strip]] = [[] for _ in variants]
+
+    def add(self, frames: slice, own: Flow) -> None:
+        """Add a slab of frames, which is followed by one frame more up to which cells reach."""
+        found = _samples(own, frames, self.part)
+        if found is None:
+            return
+        samples, cells = found
+        points = self._add_vectors(samples)
+        count = round(self.collocation * len(points))
+        place = None
+        if count:
+            place = points_between(own, above_ground(own, self.row), count, frames.start)
+            self.between.add(placed(*place, self.flow, self.scales))
+        for k, (variant, _) in enumerate(self.variants):
+            if len(self.variants) > 1 and cells is not None:
+                same = some_frames(variant, slice(frames.start, frames.stop + 1))
+                self.own[k].append(same.c[cells] >= 1)
+                if place is not None:
+                    self.inside[k].append(lie_between(same, above_ground(same), *place))
+        chosen = self.frames[(self.frames >= frames.start) & (self.frames < frames.stop)]
+        if place is not None and self.level != "V0" and chosen.size:
+            self._add_strips(chosen, points, some_frames(own, chosen - frames.start))
+
+    def _add_vectors(self, samples: Particles) -> torch.Tensor:
+        flow, scales = self.flow, self.scales
+        measured = np.stack([samples.u, samples.v], -1, dtype=np.float64)
+        velocity = scales.to_dimensionless(measured, "velocity")
+        self.velocity.add(turned_and_rounded(velocity, axes_of(flow)))
+        if samples.sigma_u is not None and samples.sigma_v is not None:
+            sigmas = samples.sigma_u, samples.sigma_v
+            variance = sum(np.square(s, dtype=np.float64) for s in sigmas)
+            self.variances.append(np.asarray(variance))
+        return self.points.add(placed(samples.x, samples.y, samples.t, flow, scales))
+
+    def _add_strips(self, chosen: Index, points: torch.Tensor, own: Flow) -> None:
+        """Add the strips at some frames, from all of their vectors."""
+        masks = [parts[-1] if parts else None for parts in self.own]
+        if self.part < 1:
+            found = _samples(own, slice(0, own.t.size), 1.0)
+            if found is None:
+                return
+            samples, cells = found
+            points = self._tensor(placed(samples.x, samples.y, samples.t, self.flow, self.scales))
+            if len(self.variants) > 1:
+                masks = [some_frames(v, chosen).c[cells] >= 1 for v, _ in self.variants]
+        for (_, surface), mask, strips in zip(self.variants, masks, self.strips, strict=True):
+            line = self._tensor(self._line(of_frames(surface, self.flow.t, chosen)))
+            near = points if mask is None else points[torch.as_tensor(mask)]
+            places = near.double().numpy(), line.double().numpy()
+            strips.append(strip_of(*places, self.flow, self.scales))
+
+    def joined(self) -> list[TrainingSet]:
+        """The set of every variant.
+
+        Raises:
+            FlowFileError: there are no vectors, or a number is too large.
+        """
+        points, velocity, between = self.points.all, self.velocity.all, self.between.all
+        if len(points) == 0:
             raise FlowFileError(
-                f"{name.replace('_', ' ')} must be finite as {dtype} in dimensionless units, got "
-                "an overflow: check the units and the values of the flow"
+                "c, u and v must hold valid vectors where c = 1 at t > 0, got none: start the "
+                "clock at the release of the grains"
+                if self.flow.particles is None
+                else "particles/t must hold times after 0, got none: start the clock at the "
+                "release of the grains"
             )
-    return training
+        weights = torch.ones(len(points), 2, dtype=self.dtype)
+        if self.variances:
+            weights[:, 0] = torch.as_tensor(velocity_weights(np.concatenate(self.variances)))
+        sets = []
+        for k, (_, surface) in enumerate(self.variants):
+            made = TrainingSet(
+                points,
+                velocity,
+                weights,
+                self._tensor(self._line(surface)),
+                self._tensor(_pressure_on(surface, self.scales, self.level)),
+                lower=points.amin(0),
+                upper=points.amax(0),
+                between=between,
+                strip=between[:0],
+                equation_weights=torch.ones_like(between[:, 0]),
+                wall_points=points[:0],
+                wall_velocity=velocity[:0],
+            )
+            if self.own[k] and not (own := np.concatenate(self.own[k])).all():
+                of_velocity, physics = (weights * torch.as_tensor(own)[:, None]).unbind(1)
+                both = torch.stack([of_velocity / of_velocity.mean(), physics], 1)
+                made = replace(made, point_weights=both)
+            if self.inside[k]:
+                inside = torch.as_tensor(np.concatenate(self.inside[k])).to(self.dtype)
+                made = replace(made, equation_weights=inside)
+            sets.append(made)
+        for name, values in sets[0].arrays().items():
+            if not torch.isfinite(values).all():
+                raise FlowFileError(
+                    f"{name.replace('_', ' ')} must be finite as {self.dtype} in dimensionless "
+                    "units, got an overflow: check the units and the values of the flow"
+                )
+        return [_with_even_weights(made) for made in self._with_strips(sets)]
+
+    def _with_strips(self, sets: list[TrainingSet]) -> list[TrainingSet]:
+        """The sets with the same points in their strips under the surface, which stand for its
+        area; those of the frames that were left out count too."""
+        if not self.strips[0]:
+            return sets
+        share = self.part * int(1 / self.part)
+        strips = [Strip(*map(np.concatenate, zip(*parts, strict=True))) for parts in self.strips]
+        areas = [share * strip.area for strip in strips]
+        drawn = draw(np.mean(areas, axis=0), len(sets[0].between), len(sets[0].points))
+        if drawn is None:
+            return sets
+        mean, (place, part, weight) = np.mean(areas, axis=0).clip(1e-12), drawn
+        made = []
+        for own, strip, area in zip(sets, strips, areas, strict=True):
+            of_strip = self._tensor(weight * (area / mean)[place])
+            weights = torch.cat([own.equation_weights, of_strip])
+            points = self._tensor(strip.points(place, part))
+            made.append(replace(own, strip=points, equation_weights=weights))
+        return made
+
+    def _line(self, surface: Surface) -> Float64:
+        return placed(surface.x, surface.y, surface.t, self.flow, self.scales)
+
+    def _tensor(self, values: Float64) -> torch.Tensor:
+        return torch.as_tensor(values).to(self.dtype)
 
 
-def test_grid(flow: Flow, scales: Scales) -> TestGrid:
-    """All points with c = 1, for scoring and for maps of the fields."""
-    frame, row, column = indices = _indices(flow.material)
+def _samples(
+    flow: Flow, frames: slice, part: float
+) -> tuple[Particles, tuple[Index, ...] | None] | None:
+    """A random part of the vectors after the start of a slab, in the units of the file and the
+    order (t, y, x), and on a grid their cells; None if there are none.
+
+    A uniform standard deviation does not change the weights and is left out.
+    """
+    particles = flow.particles
+    if particles is not None:
+        kept = flow.after_start(particles.t)
+        some = {name: None if a is None else a[kept] for name, a in vars(particles).items()}
+        return (Particles(**some), None) if kept.any() else None  # type: ignore[arg-type]
+    k = slice(0, frames.stop - frames.start)
+    kept = flow.valid_in(k) & flow.after_start(flow.t[k])[:, None, None]
+    there = np.flatnonzero(kept)
+    if there.size == 0:
+        return None
+    wanted = min(there.size, math.ceil(part * there.size))
+    if wanted < there.size:
+        rng = np.random.Generator(np.random.Philox(key=_KEY + frames.start))
+        there = np.sort(rng.choice(there, wanted, replace=False, shuffle=False))
+    frame, row, column = cells = np.unravel_index(there, kept.shape)
+    varies = isinstance(flow.sigma_u, np.ndarray) or isinstance(flow.sigma_v, np.ndarray)
+    names = ("u", "v", "sigma_u", "sigma_v") if varies else ("u", "v")
+    fields = {n: np.broadcast_to(getattr(flow, n), flow.c.shape)[cells] for n in names}
+    return Particles(t=flow.t[frame], y=flow.y[row], x=flow.x[column], **fields), cells
+
+
+def _with_even_weights(made: TrainingSet) -> TrainingSet:
+    """The set with weights of the equations whose mean over all their points is 1."""
+    velocity, physics = made.point_weights.unbind(1)
+    mean = float(torch.cat([physics, made.equation_weights]).double().mean())
+    return replace(
+        made,
+        point_weights=torch.stack([velocity, physics / mean], 1),
+        equation_weights=made.equation_weights / mean,
+    )
+
+
+def _with_walls(
+    sets: list[TrainingSet], flow: Flow, scales: Scales, part: float
+) -> list[TrainingSet]:
+    """The sets with the velocities, and the known pressures, on the walls of a flow.
+
+    Warns of conditions that the vectors contradict.
+    """
+    every = int(1 / part)
+    found = walls_of(flow, (own for _, own in filled_slabs(flow, _frames(flow, part))))
+    if found is None:
+        return sets
+    touch, held, facts = found
+    warn_of_contradictions(facts)
+    points = placed(touch.x, touch.y, touch.t, flow, scales)
+    velocity = turned_and_rounded(scales.to_dimensionless(held.target, "velocity"), axes_of(flow))
+    pressure = scales.to_dimensionless(touch.p, "pressure")
+    used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
+    rng = np.random.Generator(np.random.Philox(key=_KEY - 1))
+
+    def some(share: float, *rows: Any) -> Any:
+        if share == 1:
+            return rows
+        n = len(rows[0])
+        kept = rng.choice(n, round(share * n), replace=False, shuffle=False)
+        return [a[kept] for a in rows]
+
+    on_line: Index = np.arange(len(sets[0].surface_points))
+    if known.any():  # as many points of the line for each of them as in all frames
+        (on_line,) = some(1 / every, on_line)
+    points_used, velocity = some(part * every, points[used], velocity[used])
+    walled = []
+    for made in sets:
+        like, line = made.points, torch.as_tensor(on_line)
+        pressed = [torch.as_tensor(a[known]).to(like) for a in (points, pressure)]
+        walled.append(
+            replace(
+                made,
+                wall_points=torch.as_tensor(points_used).to(like),
+                wall_velocity=torch.as_tensor(velocity).to(like),
+                surface_points=torch.cat([made.surface_points[line], pressed[0]]),
+                surface_pressure=torch.cat([made.surface_pressure[line], pressed[1]]),
+            )
+        )
+    return walled
+
+
+def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor | None:
+    """(S_x, S_y) [N, 2] of `Flow.source`, dimensionless, in the axes and with the type of the
+    points; None: none.
+
+    Args:
+        points: (x, y, t) [N, 3] of the training.
+
+    Raises:
+        FlowFileError: the source is not finite, or has another shape than the points.
+    """
+    if flow.source is None:
+        return None
+    axes = axes_of(flow)
+    x, y, t = points.double().cpu().numpy().T
+    places = scales.points_to_physical(np.stack([*axes.undo(x, y), t], -1))
+    force = np.stack(flow.source(*places.T), -1)
+    if force.shape != (len(points), 2) or not np.isfinite(force).all():
+        raise FlowFileError(
+            f"the source of a flow must give finite numbers S_x [n], S_y [n] for x, y, t [n], got "
+            f"{list(force.shape)} with {int((~np.isfinite(force)).sum())} not finite for "
+            f"{len(points)} points: correct the function"
+        )
+    turned = np.stack(axes.turn(*scales.to_dimensionless(force, "acceleration").T), -1)
+    return torch.as_tensor(turned).to(points)
+
+
+def test_grid(flow: Flow, scales: Scales) -> tuple[torch.Tensor, tuple[Index, ...]]:
+    """All points with c = 1, for scoring and for maps of the fields.
+
+    Returns:
+        (x, y, t) [K, 3] in float64, and their frame, row and column, three arrays [K].
+    """
+    frame, row, column = cells = np.nonzero(flow.material)
     points = scales.points_to_dimensionless(flow.x[column], flow.y[row], flow.t[frame])
-    return TestGrid(torch.as_tensor(points), indices)
-
-
-def turned_and_rounded(values: Float64, axes: Axes) -> Float64:
-    """Vectors [n, 2] or points [n, 3] in the axes of the training, multiples of `RESOLUTION`."""
-    turned = np.stack([*axes.turn(*values.T[:2]), *values.T[2:]], -1)
-    return np.asarray(np.rint(turned / RESOLUTION) * RESOLUTION)
+    return torch.as_tensor(points), cells
 
 
 def _require_distinct(flow: Flow, scales: Scales, dtype: torch.dtype) -> None:
@@ -211,89 +544,8 @@ def _require_distinct(flow: Flow, scales: Scales, dtype: torch.dtype) -> None:
             )
 
 
-def _indices(mask: Bool) -> Indices:
-    frame, row, column = np.nonzero(mask)
-    return frame, row, column
-
-
-def samples_of(flow: Flow) -> Particles:
-    """The vectors after the start, in the units of the file; on a grid in the order (t, y, x).
-
-    A uniform standard deviation does not change the weights and is left out.
-    """
-    particles = flow.particles
-    if particles is not None:
-        kept = flow.after_start(particles.t)
-        found = {name: None if a is None else a[kept] for name, a in vars(particles).items()}
-    else:
-        kept = flow.valid & flow.after_start(flow.t)[:, None, None]
-        frame, row, column = _indices(kept)
-        fields = {name: getattr(flow, name) for name in ("u", "v", *_sigmas_of(flow))}
-        found = {name: np.broadcast_to(a, kept.shape)[kept] for name, a in fields.items()}
-        found |= {"t": flow.t[frame], "y": flow.y[row], "x": flow.x[column]}
-    if not kept.any():
-        raise FlowFileError(
-            "c, u and v must hold valid vectors where c = 1 at t > 0, got none: start the clock "
-            "at the release of the grains"
-            if particles is None
-            else "particles/t must hold times after 0, got none: start the clock at the release "
-            "of the grains"
-        )
-    return Particles(**found)  # type: ignore[arg-type]
-
-
-def _sigmas_of(flow: Flow) -> tuple[str, ...]:
-    """Names of the standard deviations; none if both are uniform."""
-    varies = isinstance(flow.sigma_u, np.ndarray) or isinstance(flow.sigma_v, np.ndarray)
-    return ("sigma_u", "sigma_v") if varies else ()
-
-
-def _velocity_weights(samples: Particles) -> Float64:
-    """Weights by the measurement (data/noise.py); 1 everywhere without standard deviations."""
-    if samples.sigma_u is None or samples.sigma_v is None:
-        return np.ones(samples.t.size)
-    return velocity_weights(variance(samples.sigma_u, samples.sigma_v))
-
-
-def place_of(surface: Surface, flow: Flow, scales: Scales) -> Float64:
-    """Points of a free surface as (x, y, t) of the training [M, 3]."""
-    points = scales.points_to_dimensionless(surface.x, surface.y, surface.t)
-    return turned_and_rounded(points, axes_of(flow))
-
-
-def pressure_on(surface: Surface, scales: Scales, level: str) -> Float64:
+def _pressure_on(surface: Surface, scales: Scales, level: str) -> Float64:
     """The dimensionless pressure on a free surface [M]."""
     if level != "V2" or surface.p is None:
         return np.zeros(surface.t.size)
     return scales.to_dimensionless(surface.p.astype(np.float64), "pressure")
-
-
-def surface_of(flow: Flow, level: str) -> Surface:
-    """The points of the free surface that a level uses: after the start and above the toe."""
-    surface = outline(flow) if level == "V0" else flow.surface
-    if surface is None:
-        raise FlowFileError(
-            f"level {level} needs the free surface, got no surface_t, surface_x, surface_y: add "
-            "them or use level V0; a flow without any free surface needs a wall with wall_p there"
-        )
-    if level == "V2" and surface.p is None:
-        raise FlowFileError(
-            "level V2 needs the pressure on the free surface, got no surface_p: add it or use "
-            "level V1"
-        )
-    return usable(surface, flow, level)
-
-
-def usable(surface: Surface, flow: Flow, level: str) -> Surface:
-    """The points of `surface_of` among those of a surface."""
-    kept = flow.after_start(surface.t)
-    if level != "V2" and surface.t.size and not flow.periodic:
-        h = flow.height(surface.x, surface.y)
-        kept &= h > h.min() + TOE_GRAINS * flow.grain_diameter
-    if not kept.any() and level != "V0":
-        raise FlowFileError(
-            f"level {level} needs points of the free surface at t > 0 and more than "
-            f"{TOE_GRAINS:g} grain diameters above the lowest of them, got none: add more of "
-            "the surface or use level V0"
-        )
-    return chosen(surface, kept)

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.data.conventions import check_conventions, units_of
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth, Walls
-from granpinn.data.format import (
+from granpinn.data.hdf5 import Hdf5File, read_hdf5
+from granpinn.data.particles import grid_view
+from granpinn.data.rules import check_values, warn_of_rounding, warn_of_zeros
+from granpinn.data.schema import (
     DATASETS,
     FORMAT_NAME,
     FORMAT_VERSION,
@@ -22,11 +24,11 @@ from granpinn.data.format import (
     PARTICLES,
     TRUE_LAW,
     TRUTH,
+    WRITE_HINT,
+    check_conventions,
+    check_layout,
+    unit_of,
 )
-from granpinn.data.hdf5 import Hdf5File, read_hdf5
-from granpinn.data.layout import WRITE_HINT, check_layout
-from granpinn.data.particles import grid_view
-from granpinn.data.rules import check_values, warn_of_rounding, warn_of_zeros
 from granpinn.declared import checked
 from granpinn.physics.laws import DEFAULT
 from granpinn.regular import UnsafeFileError
@@ -35,15 +37,6 @@ DEFAULT_MAX_BYTES = MOST_IN_MEMORY
 _RAISE = (
     "if it can be trusted, raise max_bytes of read_flow, or write the file without chunks and "
     "filters, which needs no memory"
-)
-# Types in memory: coordinates float64, velocities as in the file, all else float32.
-_FLOAT64 = (
-    *(
-        f"{prefix}{name}"
-        for prefix in ("", f"{PARTICLES}/", "surface_")
-        for name in ("t", "y", "x")
-    ),
-    *(f"wall_{name}" for name in ("t", "y", "x", "u", "v")),
 )
 
 
@@ -80,7 +73,7 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
 
 
 def _read(path: Path, max_bytes: int) -> Flow:
-    file = read_hdf5(path, [rule.name for rule in DATASETS], max_bytes, _RAISE)
+    file = read_hdf5(path, [*DATASETS], max_bytes, _RAISE)
     _check_version(file)
     constants: dict[str, Any] = {
         "gravity": _require(file, "gravity"),
@@ -95,7 +88,7 @@ def _read(path: Path, max_bytes: int) -> Flow:
     others = file.attributes.scalars(KNOWN_ATTRIBUTES)
     stated = {name: _number(file, name) for name in OF_FLOW}
     others |= {name: value for name, value in stated.items() if value is not None}
-    units = units_of(constants["length_unit"], constants["time_unit"], optional["density_unit"])
+    units = constants["length_unit"], constants["time_unit"], optional["density_unit"]
     arrays = _arrays(file, units)
     for name in ("sigma_u", "sigma_v"):
         if name in arrays and optional[name] is not None:
@@ -135,23 +128,17 @@ def _truth(file: Hdf5File) -> Truth | None:
         raise FlowFileError(f"the true friction law: {error}") from None
 
 
-def _arrays(file: Hdf5File, units: dict[str, str]) -> dict[str, Any]:
+def _arrays(file: Hdf5File, units: tuple[str, str, str | None]) -> dict[str, Any]:
     """All arrays of the format in their types, after checks of their layout and units."""
     check_layout({name: dataset.layout for name, dataset in file.datasets.items()})
     for name, dataset in file.datasets.items():
-        check_conventions(name, dataset.attributes, units)
+        check_conventions(name, dataset.attributes, unit_of(DATASETS[name], *units))
     # A number beyond the range of the type becomes infinite, as in HDF5.
     with np.errstate(over="ignore"):
         return {
-            name: np.asarray(dataset.values, _type_of(name, dataset.layout.dtype))
+            name: np.asarray(dataset.values, DATASETS[name].dtype or dataset.layout.dtype)
             for name, dataset in file.datasets.items()
         }
-
-
-def _type_of(name: str, stored: str) -> str:
-    if name.removeprefix(f"{PARTICLES}/") in ("u", "v"):
-        return stored
-    return "float64" if name in _FLOAT64 else "float32"
 
 
 def _check_version(file: Hdf5File) -> None:

@@ -1,6 +1,6 @@
 """The rules for the numbers of a flow, each with one error that names the dataset and the remedy.
 
-The rules for shapes and types are in `layout.py`.
+The rules for shapes and types are in `schema.py`.
 """
 
 from __future__ import annotations
@@ -21,11 +21,10 @@ from granpinn.data.flow import (
     FlowFileWarning,
     Surface,
 )
-from granpinn.data.format import Layout, arrays_of, grid_arrays_of
 from granpinn.data.large import slabs
-from granpinn.data.layout import check_layout
 from granpinn.data.particles import check_particles
 from granpinn.data.scaling import initial_height
+from granpinn.data.schema import Layout, arrays_of, check_layout, grid_arrays_of
 from granpinn.data.wall_rules import check_walls
 from granpinn.declared import checked
 

@@ -12,11 +12,17 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.data.flow import WALL_GAP, Flow, FlowFileError
-from granpinn.physics.scales import Material, Scales
+from granpinn.data.symmetry import axes_of
+from granpinn.physics.axes import Axes
+from granpinn.physics.scales import EquationConstants, Scales
 from granpinn.physics.side_walls import coefficient
 
 FLOAT32 = 2.0**-23  # distance of neighboring float32 numbers, relative
 SMALL_PART = 2.0**-10  # of a step, by which float32 may round a coordinate
+# Positions and velocities are rounded to this, the resolution of float32 at 1 and far below any
+# measurement. The same data in other units differ by 1e-16. After rounding they are equal, and so
+# are their trainings.
+RESOLUTION = 2.0**-24
 
 
 def scales_of(flow: Flow) -> Scales:
@@ -55,7 +61,18 @@ def origin_of(values: Float64) -> float:
     return low if rounding > SMALL_PART * float(np.diff(values).min()) else 0.0
 
 
-def material_of(flow: Flow, scales: Scales) -> Material:
+def placed(x: Float64, y: Float64, t: Float64, flow: Flow, scales: Scales) -> Float64:
+    """Points in the units of the file [n] as (x, y, t) of the training [n, 3]."""
+    return turned_and_rounded(scales.points_to_dimensionless(x, y, t), axes_of(flow))
+
+
+def turned_and_rounded(values: Float64, axes: Axes) -> Float64:
+    """Vectors [n, 2] or points [n, 3] in the axes of the training, multiples of `RESOLUTION`."""
+    turned = np.stack([*axes.turn(*values.T[:2]), *values.T[2:]], -1)
+    return np.asarray(np.rint(turned / RESOLUTION) * RESOLUTION)
+
+
+def equation_constants(flow: Flow, scales: Scales) -> EquationConstants:
     """The constants of the material of a flow, dimensionless."""
     g = math.hypot(*flow.gravity)
     grain_density = flow.density if flow.grain_density is None else flow.grain_density
@@ -64,7 +81,7 @@ def material_of(flow: Flow, scales: Scales) -> Material:
     def viscosity(eta: float | None) -> float | None:
         return None if eta is None else scales.to_dimensionless(eta, "viscosity")
 
-    return Material(
+    return EquationConstants(
         grain_diameter=scales.to_dimensionless(effective, "length"),
         gravity=(flow.gravity[0] / g, flow.gravity[1] / g),
         eta_min=viscosity(flow.eta_min),

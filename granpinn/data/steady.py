@@ -31,7 +31,7 @@ import numpy as np
 from granpinn.arrays import Float64, Floats
 from granpinn.data.flow import STEADY, Flow, Surface
 from granpinn.data.large import SLAB_CELLS, spread
-from granpinn.data.surface_line import folded, line_heights
+from granpinn.data.surface import folded, line_heights
 from granpinn.data.symmetry import with_layer
 from granpinn.physics.axes import vertical_coordinate
 

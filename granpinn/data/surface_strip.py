@@ -7,18 +7,15 @@ zero at the line but rises too little below it: the weight of the strip is missi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import torch
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow
-from granpinn.data.points import RESOLUTION, TrainingSet
-from granpinn.data.surface_line import SAME_TIME, points_of
+from granpinn.data.scaling import RESOLUTION
+from granpinn.data.surface import SAME_TIME, points_of
 from granpinn.data.symmetry import axes_of
 from granpinn.data.walls import Segments, parted, segments_of
 from granpinn.physics.axes import Axes
@@ -37,20 +34,6 @@ THICKEST = 2.5  # spacings; a wider strip is a gap in the data
 _KEY = 4 << 64  # of Philox; the same points for every seed
 
 
-class Drawn(NamedTuple):
-    """Points of a strip.
-
-    Attributes:
-        place: of each point, its point of the surface [count].
-        part: of the way from the vectors to it [count, 1].
-        weight: of the equations at each of them.
-    """
-
-    place: Index
-    part: Float64
-    weight: float
-
-
 class Strip(NamedTuple):
     """The strip below each of M points of the surface.
 
@@ -58,32 +41,33 @@ class Strip(NamedTuple):
         surface: (x, y, t) of the points [M, 3].
         nearest: (x, y) of the vectors nearest to them [M, 2], NaN where there is none.
         area: of the strip, in cells of the grid [M].
-        like: a tensor with the dtype of the training.
     """
 
     surface: Float64
     nearest: Float64
     area: Float64
-    like: torch.Tensor
 
-    def points(self, drawn: Drawn) -> torch.Tensor:
-        """The drawn points (x, y, t) [count, 3]; on the surface where the strip has no area."""
-        found = self.surface[drawn.place]  # a copy
-        there = self.area[drawn.place, None] > 0
-        nearest = np.where(there, self.nearest[drawn.place], found[:, :2])
-        found[:, :2] = nearest + drawn.part * (found[:, :2] - nearest)
-        return torch.as_tensor(np.rint(found / RESOLUTION) * RESOLUTION).to(self.like)
+    def points(self, place: Index, part: Float64) -> Float64:
+        """Points (x, y, t) [count, 3]; on the surface where the strip has no area.
+
+        Args:
+            place: point of the surface of each [count].
+            part: of the way from the vectors to it [count, 1].
+        """
+        found = self.surface[place]  # a copy
+        nearest = np.where(self.area[place, None] > 0, self.nearest[place], found[:, :2])
+        found[:, :2] = nearest + part * (found[:, :2] - nearest)
+        return np.asarray(np.rint(found / RESOLUTION) * RESOLUTION)
 
 
-def strip_of(training: TrainingSet, flow: Flow, scales: Scales) -> Strip:
-    """The strip between the vectors and the surface of a training set.
+def strip_of(points: Float64, surface: Float64, flow: Flow, scales: Scales) -> Strip:
+    """The strip between vectors and a surface, (x, y, t) of the training [N, 3] and [M, 3].
 
     Its points lie between a point of the surface and the vector nearest to it at the same time,
     with no wall between both.
     """
     dx, dy = (float(np.median(np.diff(axis))) / scales.length for axis in (flow.x, flow.y))
     thickest = THICKEST * max(dx, dy)
-    points, surface = (a.double().numpy() for a in (training.points, training.surface_points))
     # Points that repeat share the width of their place.
     places, place, count = np.unique(surface, axis=0, return_inverse=True, return_counts=True)
     nearest, width = _below(points, places, thickest, flow.steady)
@@ -93,35 +77,26 @@ def strip_of(training: TrainingSet, flow: Flow, scales: Scales) -> Strip:
     if flow.walls is not None:
         hidden = _hidden(segments_of(flow.walls), axes_of(flow), scales, surface, nearest)
         depth[hidden] = 0.0
-    area = depth * np.minimum(width, thickest) / (dx * dy)
-    return Strip(surface, nearest, area, training.points)
+    return Strip(surface, nearest, depth * np.minimum(width, thickest) / (dx * dy))
 
 
-def draw(strips: Sequence[Strip], between: int, vectors: int) -> Drawn | None:
-    """Points that are uniform over the mean of some strips; None without any.
+def draw(area: Float64, between: int, vectors: int) -> tuple[Index, Float64, float] | None:
+    """Points that are uniform over a strip; None without any.
 
     Args:
+        area: of the strip at each point of the surface [M].
         between, vectors: numbers of points between the vectors, and of vectors.
+
+    Returns:
+        As in `Strip.points`: `place` and `part`; and the weight of the equations at each point.
     """
-    area = np.mean([strip.area for strip in strips], axis=0)
     weight = DENSITY * between / vectors * float(area.sum())
     count = round(min(FINER * weight, LARGEST_PART * (between + vectors)))
     if count == 0:
         return None
     rng = np.random.Generator(np.random.Philox(key=_KEY))
     place = rng.choice(len(area), size=count, p=area / area.sum())
-    return Drawn(place, rng.random((count, 1)), weight / count)
-
-
-def with_even_weights(made: TrainingSet) -> TrainingSet:
-    """The set with weights of the equations whose mean over all their points is 1."""
-    velocity, physics = made.point_weights.unbind(1)
-    mean = float(torch.cat([physics, made.equation_weights]).double().mean())
-    return replace(
-        made,
-        point_weights=torch.stack([velocity, physics / mean], 1),
-        equation_weights=made.equation_weights / mean,
-    )
+    return place, rng.random((count, 1)), weight / count
 
 
 def _below(

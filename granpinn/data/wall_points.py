@@ -13,23 +13,16 @@ warning.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-import torch
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow, FlowFileWarning
-from granpinn.data.points import TrainingSet, turned_and_rounded
-from granpinn.data.symmetry import axes_of
 from granpinn.data.walls import Segments, crossed, grid_spacing, samples, segments_of
 from granpinn.physics.terms import TERMS
-
-if TYPE_CHECKING:
-    from granpinn.physics.scales import Scales
 
 REACH = 1.5  # spacings from a wall to the nearest vector of grains that touch it
 NEAR, NEAREST = 24, 12  # vectors of a fit, and of the one that shows its error
@@ -68,17 +61,15 @@ class Touch:
     error: Float64
 
 
-def touch_of(flow: Flow, segments: Segments) -> Touch:
-    """The points of walls that grains touch, at the times of the frames."""
-    spacing = grid_spacing(flow)
-    kept = np.flatnonzero(flow.after_start(flow.t))
-    parts = [_touch_in(flow, int(k), segments.at(float(flow.t[k])), spacing) for k in kept]
-    return Touch(
-        **{
-            name: np.concatenate([getattr(part, name) for part in parts])
-            for name in Touch.__dataclass_fields__
-        }
-    )
+def touch_of(flows: Iterable[Flow], segments: Segments) -> Touch:
+    """The points of walls that grains touch, at the times of the frames of flows."""
+    parts = [
+        _touch_in(flow, int(k), segments.at(float(flow.t[k])), grid_spacing(flow))
+        for flow in flows
+        for k in np.flatnonzero(flow.after_start(flow.t))
+    ]
+    names = Touch.__dataclass_fields__
+    return Touch(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
 
 
 def _touch_in(flow: Flow, frame: int, segments: Segments, spacing: float) -> Touch:
@@ -210,12 +201,18 @@ MOST_WARNINGS = 8
 LEAST_AGREEMENT = 0.9  # of the points of a wall, below which a condition is warned of
 
 
-def walls_of(flow: Flow) -> tuple[Touch, Conditions, list[WallFacts]] | None:
-    """Points, conditions and facts of the walls of a flow; None if it states no walls."""
+def walls_of(
+    flow: Flow, parts: Iterable[Flow] | None = None
+) -> tuple[Touch, Conditions, list[WallFacts]] | None:
+    """Points, conditions and facts of the walls of a flow; None if it states no walls.
+
+    Args:
+        parts: flows of its frames that count, one after another; by default the flow.
+    """
     if flow.walls is None:
         return None
     segments = segments_of(flow.walls)
-    touch = touch_of(flow, segments)
+    touch = touch_of([flow] if parts is None else parts, segments)
     held = conditions_of(touch)
     names, known = segments.names(), np.isfinite(touch.p)
 
@@ -272,31 +269,3 @@ def warn_of_contradictions(facts: Sequence[WallFacts]) -> None:
     rest = [f"the vectors contradict {more} more walls: granpinn inspect --json lists them"]
     for sentence in sentences[:MOST_WARNINGS] + (rest if more > 0 else []):
         warnings.warn(sentence, FlowFileWarning, stacklevel=3)
-
-
-def with_walls(training: TrainingSet, flow: Flow, scales: Scales) -> TrainingSet:
-    """The training set with the velocities, and the known pressures, on the walls of the flow.
-
-    Unchanged for a flow without walls. Warns of conditions that the vectors contradict.
-    """
-    found = walls_of(flow)
-    if found is None:
-        return training
-    touch, held, facts = found
-    warn_of_contradictions(facts)
-    axes, like = axes_of(flow), training.points
-    points = turned_and_rounded(scales.points_to_dimensionless(touch.x, touch.y, touch.t), axes)
-    velocity = turned_and_rounded(scales.to_dimensionless(held.target, "velocity"), axes)
-    pressure = scales.to_dimensionless(touch.p, "pressure")
-    used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
-
-    def joined(old: torch.Tensor, new: Float64) -> torch.Tensor:
-        return torch.cat([old, torch.as_tensor(new).to(old)])
-
-    return replace(
-        training,
-        wall_points=torch.as_tensor(points[used]).to(like),
-        wall_velocity=torch.as_tensor(velocity[used]).to(like),
-        surface_points=joined(training.surface_points, points[known]),
-        surface_pressure=joined(training.surface_pressure, pressure[known]),
-    )

@@ -8,9 +8,9 @@ from typing import Any
 import h5py
 import numpy as np
 
-from granpinn.data.conventions import units_of
 from granpinn.data.flow import Flow, FlowFileError, Truth
-from granpinn.data.format import (
+from granpinn.data.rules import check_flow
+from granpinn.data.schema import (
     DATASETS,
     FORMAT_NAME,
     FORMAT_VERSION,
@@ -23,8 +23,8 @@ from granpinn.data.format import (
     TRUE_LAW,
     TRUTH,
     arrays_of,
+    unit_of,
 )
-from granpinn.data.rules import check_flow
 from granpinn.declared import checked
 from granpinn.output import hdf5_file
 
@@ -78,9 +78,8 @@ def _write_attributes(file: h5py.File, flow: Flow) -> None:
 
 def _write_arrays(file: h5py.File, flow: Flow) -> None:
     arrays = arrays_of(flow)
-    units = units_of(flow.length_unit, flow.time_unit, flow.density_unit)
     packed = sum(array.nbytes for array in arrays.values()) <= MOST_IN_MEMORY
-    for rule in DATASETS:
+    for rule in DATASETS.values():
         if rule.name not in arrays:
             continue
         array = arrays[rule.name]
@@ -91,13 +90,13 @@ def _write_arrays(file: h5py.File, flow: Flow) -> None:
             chunks = (min(FRAMES_PER_CHUNK, array.shape[0]), *array.shape[1:])
             options = {"chunks": chunks, **_PACKED}
         dataset = file.create_dataset(rule.name, data=array, **options)
-        unit = units.get(rule.name.removeprefix(f"{PARTICLES}/"))
+        unit = unit_of(rule, flow.length_unit, flow.time_unit, flow.density_unit)
         if unit is not None:
             _write_text(dataset, "units", unit)
     for name in _SCALES.values():
         if name in arrays:
             file[name].make_scale(name.rpartition("/")[2])
-    for rule in DATASETS:
+    for rule in DATASETS.values():
         if rule.name in arrays and rule.name not in _SCALES.values():
             for axis, axis_name in enumerate(rule.axes):
                 file[rule.name].dims[axis].attach_scale(file[_SCALES[axis_name]])

@@ -26,6 +26,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -41,10 +42,10 @@ LEAST_SHARE = 0.5  # of the differences in time that a flow without gaps has
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of one component of one vector, dimensionless; None if unknown.
+    """Standard deviations of one component of one vector, in any units; None if unknown.
 
     Attributes:
-        sigma: the estimate for the inspection.
+        sigma: of a typical vector.
         u, v: for each component alone.
         in_time: from differences in time, or from pairs of vectors of one frame.
         in_space: from differences in x and y, or for particles from parabolas (scattered_fits.py).
@@ -62,6 +63,12 @@ class Noise:
         """The same with standard deviations of at least `sigma`, which differences do not show."""
         known = {name: getattr(self, name) for name in ("sigma", "u", "v") if sigma > 0}
         return dataclasses.replace(self, **{k: max(s or 0.0, sigma) for k, s in known.items()})
+
+    def in_units_of(self, unit: float) -> Noise:
+        """The same in units that are `unit` times smaller."""
+        known = {name: s for name, s in vars(self).items() if name != "vectors_per_independent"}
+        made: dict[str, Any] = {n: None if s is None else s * unit for n, s in known.items()}
+        return dataclasses.replace(self, **made)
 
 
 def grid_noise(view: View) -> Noise:

@@ -9,7 +9,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data import Flow
-from granpinn.data.surface_line import STEEP, folded, line_heights
+from granpinn.data.surface import STEEP, folded, line_heights
 from granpinn.data.walls import segments_of
 
 NO_TOP = (

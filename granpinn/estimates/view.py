@@ -10,7 +10,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float32, Float64
 from granpinn.data import Flow
-from granpinn.data.scaling import material_of
+from granpinn.data.scaling import equation_constants
 from granpinn.physics.scales import Scales
 
 BETWEEN_RUNS = 4  # the largest half-width of a window in gradients.py
@@ -29,7 +29,7 @@ class View:
         count: vectors per cell [T, Y, X]: 0 or 1 on a grid, any number for particles.
         grains: cells full of grains [T, Y, X].
         gravity: unit vector.
-        d: grain diameter of the inertial number (`granpinn.physics.scales.Material`).
+        d: grain diameter of the inertial number (`granpinn.physics.scales.EquationConstants`).
         steady: whether all frames show one flow.
     """
 
@@ -59,7 +59,7 @@ class View:
 
 def view_of(flow: Flow, scales: Scales) -> View:
     """The flow as a View; a cell has the mean of the particles in it."""
-    material = material_of(flow, scales)
+    material = equation_constants(flow, scales)
     x_0, y_0, t_0 = scales.origin
     count = flow.valid.astype(np.float64) if flow.particles is None else _counts(flow)
     there = count > 0

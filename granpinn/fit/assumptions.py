@@ -10,9 +10,9 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 from granpinn.data.flow import WALL_GAP
+from granpinn.data.outline import surface_of
 from granpinn.data.partial_cells import with_partial_cells
-from granpinn.data.points import surface_of
-from granpinn.data.surface_offset import moved, with_moved_surface
+from granpinn.data.surface import moved, with_moved_surface
 from granpinn.fit.case import Case, with_variants
 from granpinn.results.assumed import Assumed
 from granpinn.training.loop import TrainingLoop

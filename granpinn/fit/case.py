@@ -16,23 +16,22 @@ from granpinn.arrays import Floats
 from granpinn.config import Config, ConfigError, SideWalls
 from granpinn.data import (
     Flow,
-    TrainingSet,
     add_noise,
     check_flow,
     known_sd,
     large,
+    points,
     read_flow,
-    streamed,
+    training_set,
     with_partial_cells,
 )
 from granpinn.data.flow import Surface
 from granpinn.data.memory import available
-from granpinn.data.points import surface_of
+from granpinn.data.points import training_sets, vector_counts
 from granpinn.data.scaling import scales_of
 from granpinn.data.steady import said
-from granpinn.data.surface_sd import surface_sd
+from granpinn.data.surface import surface_sd
 from granpinn.data.surface_strip import LARGEST_PART
-from granpinn.data.variants import training_sets
 from granpinn.data.walls import grid_spacing, segments_of
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.inertia import inertial_numbers
@@ -42,7 +41,7 @@ from granpinn.inspection.momentum_balance import Baseline, baseline
 from granpinn.kernels import builds
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.constants import Physics
-from granpinn.physics.laws import LAWS, Law
+from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.scales import Scales
 from granpinn.results.record import Reason
 from granpinn.training import problem, room
@@ -71,7 +70,7 @@ class Shared:
         return strain_rate_of(self._flow)
 
     def surface_sd(self, level: str) -> float:
-        """Standard deviation of the offset of the surface line (granpinn/data/surface_sd.py)."""
+        """Standard deviation of the offset of the surface line (granpinn/data/surface.py)."""
         if level not in self._surface_sd:
             self._surface_sd[level] = surface_sd(self._flow, level)
         return self._surface_sd[level]
@@ -143,7 +142,7 @@ class Model:
     params: Tensor
     theta: Tensor
     scales: Scales
-    law: Law
+    law: FrictionLaw
 
 
 def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
@@ -185,7 +184,7 @@ def posed(flow: Flow, slips: tuple[Reason, ...], config: Config) -> Case:
     seen = add_noise(stated, config.noise, config.seed)
     scales = scales_of(seen if whole is None else whole)
     seen = with_partial_cells(seen)
-    data = training_data(seen, scales, config, whole)
+    data = training_set(seen if whole is None else whole, scales, *of_points(config))
     facts = Facts(seen, scales)
     built = problem.build(facts, data, config)
     law = LAWS[config.law]
@@ -215,26 +214,23 @@ def posed(flow: Flow, slips: tuple[Reason, ...], config: Config) -> Case:
 
 def need_of_case(flow: Flow, config: Config) -> room.Need:
     """What the training of a flow will need: its members, and copies for two assumptions."""
-    big, points = large.is_large(flow), most_points(flow, config.batch.collocation)
+    big, count = large.is_large(flow), most_points(flow, config.batch.collocation)
     device = choose_device(config.device).type
-    need = room.need_of(config, config.members, [points], device, copies=COPIES)
+    need = room.need_of(config, config.members, [count], device, copies=COPIES)
     if device == "cuda":  # the GPU has the networks
         need = dataclasses.replace(need, networks=0, batches=0, last_layer=0)
-    each = room.POINT * getattr(torch, config.dtype).itemsize * points
+    each = room.POINT * getattr(torch, config.dtype).itemsize * count
     return dataclasses.replace(
         need,
-        points=streamed.MOST_BYTES if big else each,
+        points=points.MOST_BYTES if big else each,
         flow=room.CELL * (large.most_cells(flow) if big else flow.c.size),
     )
 
 
 def most_points(flow: Flow, share: float) -> int:
     """Points of a training set at most: vectors, points between them, in the strip, on walls."""
-    if flow.particles is not None:
-        vectors, between = flow.particles.u.size, 0
-    else:
-        _, vectors = streamed.vector_counts(flow)
-        between = round(share * vectors)
+    _, vectors = vector_counts(flow)
+    between = round(share * vectors) if flow.particles is None else 0
     walls = 0
     if flow.walls is not None:
         walls = int(segments_of(flow.walls).length.sum() / grid_spacing(flow)) * flow.t.size
@@ -261,33 +257,15 @@ def fixed_values(config: Config, facts: Facts) -> dict[str, float]:
     return values
 
 
-def training_data(
-    flow: Flow, scales: Scales, config: Config, whole: Flow | None = None
-) -> TrainingSet:
-    """The points of a fit: the data of a flow, points between them for the equations alone, and
-    points of its walls.
-
-    Args:
-        whole: the large flow, if `flow` is runs of one.
-
-    Raises:
-        FlowFileError: the flow lacks data that the level needs.
-    """
-    if whole is not None:
-        return streamed.streamed_set(whole, flow, scales, *of_points(config))
-    variant = flow, surface_of(flow, config.level)
-    return training_sets([variant], flow, scales, *of_points(config))[0]
-
-
 def with_variants(case: Case, variants: Sequence[tuple[Flow, Surface]]) -> list[Member]:
     """The member of a case with the data of variants of its flow (`training_sets`)."""
     sets = training_sets(variants, case.seen, case.scales, *of_points(case.config))
     return [dataclasses.replace(case.member, data=data) for data in sets]
 
 
-def of_points(config: Config) -> tuple[str, float, torch.dtype]:
-    """The settings of a training set: level, share of points between vectors, and dtype."""
-    return config.level, config.batch.collocation, getattr(torch, config.dtype)
+def of_points(config: Config) -> tuple[str, torch.dtype, float]:
+    """The settings of a training set: level, dtype, and share of points between vectors."""
+    return config.level, getattr(torch, config.dtype), config.batch.collocation
 
 
 def members(case: Case) -> list[Case]:

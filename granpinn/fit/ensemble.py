@@ -100,6 +100,11 @@ def data_of(case: Case) -> results.DataSummary:
         slips=case.slips,
         measured_noise=measured_noise(case),
         independent=case.facts.independent(),
+        grain_diameter=flow.grain_diameter,
+        density=flow.density,
+        grain_density=flow.grain_density,
+        length_unit=flow.length_unit,
+        density_unit=flow.density_unit,
     )
 
 

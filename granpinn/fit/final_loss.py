@@ -37,8 +37,8 @@ def final_loss(trainer: Trainer, member: int) -> Loss | None:
     sums = [0.0] * len(NAMES)
     weights = data.point_weights[inside.to(data.points.device)].double().mean(0).tolist()
     for start in range(0, max(len(inside), len(surface)), CHUNK):
-        i, j = (k[start : start + CHUNK].to(objective.points.device) for k in (inside, surface))
-        terms = objective.terms(e, params, theta, data, i, j, objective.spec.form)
+        i, j = (k[start : start + CHUNK].to(data.points.device) for k in (inside, surface))
+        terms = objective.terms(e, params, theta, data.loss_points.at(i, j))
         for k, (name, term) in enumerate(zip(NAMES, terms.tolist(), strict=True)):
             sums[k] += term * len(j if name == "surface" else i)
     velocity, equations = (len(inside) * weight for weight in weights)

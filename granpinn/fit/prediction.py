@@ -25,7 +25,7 @@ from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.axes import Axes
 from granpinn.physics.constants import Physics
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.rheology import inertial_number
 from granpinn.physics.scales import Quantity, Scales
 from granpinn.results import Fields
@@ -43,13 +43,13 @@ def predict(flow: Flow, model: Model, chunk: int = CHUNK) -> Fields:
         flow: the file's own flow, without added noise: u, v and p become the reference values.
         chunk: points per evaluation.
     """
-    scales, grid = model.scales, test_grid(flow, model.scales)
-    values = values_at(grid.points, axes_of(flow), model, chunk)
+    scales, (points, cells) = model.scales, test_grid(flow, model.scales)
+    values = values_at(points, axes_of(flow), model, chunk)
     if flow.source is not None:
-        _subtract_source(values, flow, grid.points, scales)
+        _subtract_source(values, flow, points, scales)
     for name, known in (("u", flow.u), ("v", flow.v), ("p", flow.p)):
         if known is not None:
-            values[f"{name}_reference"] = known[grid.indices].astype(np.float32)
+            values[f"{name}_reference"] = known[cells].astype(np.float32)
     return Fields(
         t=flow.t,
         y=flow.y,
@@ -143,7 +143,12 @@ def _turned_back(values: dict[str, Tensor], axes: Axes) -> dict[str, Tensor]:
 
 @torch.no_grad()
 def evaluate(
-    points: Tensor, spec: NetworkSpec, params: Tensor, law: Law, theta: Tensor, physics: Physics
+    points: Tensor,
+    spec: NetworkSpec,
+    params: Tensor,
+    law: FrictionLaw,
+    theta: Tensor,
+    physics: Physics,
 ) -> dict[str, Tensor]:
     """The predicted `fields.VARIABLES` at points [N, 3] = (x, y, t), each [N], dimensionless.
 

@@ -125,23 +125,27 @@ def read_foreign(
     with _lock:
         if _running and _running[0].owner != os.getpid():  # that of the process before a fork
             _running.clear()
-        try:
-            if not _running:
-                _running.append(_Process())
-            answer = _running[0].ask(asked, WAITING * seconds)
-        except _Crashed:
-            _close()
-            raise UnsafeFileError(
-                f"it cannot be read by the {reader} reader, which crashed or took too long: the "
-                "file is damaged or something else; export it again"
-            ) from None
-        except OSError as error:  # of the mapping
-            raise UnsafeFileError(
-                f"its arrays do not fit into memory ({error.strerror}): choose fewer frames"
-            ) from None
-        except BaseException:  # an interrupt: the next request must not get this answer
-            _close()
-            raise
+        answer = None
+        while answer is None:
+            fresh = not _running
+            try:
+                if fresh:
+                    _running.append(_Process())
+                answer = _running[0].ask(asked, WAITING * seconds)
+            except _Crashed:
+                _close()
+                if fresh:  # else an earlier file may have damaged its memory
+                    raise UnsafeFileError(
+                        f"it cannot be read by the {reader} reader, which crashed or took too "
+                        "long: the file is damaged or something else; export it again"
+                    ) from None
+            except OSError as error:  # of the mapping
+                raise UnsafeFileError(
+                    f"its arrays do not fit into memory ({error.strerror}): choose fewer frames"
+                ) from None
+            except BaseException:  # an interrupt: the next request must not get this answer
+                _close()
+                raise
     if "refused" in answer:
         raise UnsafeFileError(answer["refused"])
     return answer["found"]

@@ -21,7 +21,7 @@ from granpinn.errors import BadInput
 from granpinn.fit import prediction
 from granpinn.fit.network import FILE, TrainedNetwork, read_network, write_network
 from granpinn.output import make_folder
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.results import (
     Fields,
     Result,
@@ -59,7 +59,7 @@ class InMemory:
 
     trained: TrainedNetwork
     flow: Flow
-    law: Law
+    law: FrictionLaw
     rows: Sequence[Row]
     maps: Fields | None = None
 
@@ -80,7 +80,7 @@ class InFolder:
     """Those of a run folder."""
 
     folder: Path
-    law: Law
+    law: FrictionLaw
 
     def network(self) -> TrainedNetwork:
         return read_network(self.folder / FILE)

@@ -28,7 +28,7 @@ from granpinn.identification.start import (
 )
 from granpinn.laws import register
 from granpinn.output import owned
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.results import Result
 from granpinn.results.record import make
 from granpinn.second_opinion.threads import threads
@@ -45,7 +45,7 @@ def identify(
     *,
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
-    law: Law | str | None = None,
+    law: FrictionLaw | str | None = None,
     on_step: Callable[[Row], Any] | None = None,
     on_values: Callable[[Result], Any] | None = None,
     reserve: float = 0.0,
@@ -81,9 +81,9 @@ def identify(
         Interrupted: SIGINT, SIGTERM or SIGHUP; a checkpoint has been written if there is a folder.
     """
     begin, folder = time.monotonic() - reserve, folder_of(run_dir)
-    if isinstance(law, Law):
+    if isinstance(law, FrictionLaw):
         register(law)
-    named = {} if law is None else {"law": law.name if isinstance(law, Law) else law}
+    named = {} if law is None else {"law": law.name if isinstance(law, FrictionLaw) else law}
     config = config_of(config, settings | named)
     checks = wanted(config)
     cases = members(pose(flow, config))

@@ -18,13 +18,13 @@ from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes
-from granpinn.training.progress import Progress, Stage, by_default
+from granpinn.training.progress import LAST_LAYER, Progress, Stage, by_default
 from granpinn.training.room import require_room
 from granpinn.training.time_limit import Limit
 
 ERROR_BARS, CHECKS = "error bars", "checks"  # stages after the training
-LAST_LAYER = 500  # steps that take as long as last layer and fields
-FIELDS = 100  # the same without steps in the last layer
+LAST_STEPS = 750  # steps that take as long as the last layer
+FIELDS = 200  # steps that take as long as the fields
 LONG = 60.0  # seconds; checks that take longer are not part of a time limit
 
 
@@ -57,15 +57,21 @@ def start(
     ranks = (together.rank, together.size)
     objective = Objective(everyone, config.batch, device, ranks, config.precision)
     quick = shown * sum(check.seconds for check in checks if check.seconds < LONG)
-    steps = LAST_LAYER if config.optimizer.last_layer else FIELDS
+    steps = LAST_STEPS if config.optimizer.last_layer else 0
     share = 0.0 if config.checks == NONE else assumptions.share(cases)
     limit = None
     if config.max_time is not None:
         later = config.max_time * share / (1 + share)
-        limit = Limit(begin + config.max_time, config.max_time, later, steps, quick, len(cases))
+        limit = Limit(
+            begin + config.max_time, config.max_time, later, steps + FIELDS, quick, len(cases)
+        )
     progress = progress or by_default()
     everything = shown * sum(check.seconds for check in checks)
-    stages = [Stage(ERROR_BARS, steps=steps, share=share), Stage(CHECKS, everything)]
+    stages = [
+        Stage(LAST_LAYER, steps=steps),
+        Stage(ERROR_BARS, steps=FIELDS, share=share),
+        Stage(CHECKS, everything),
+    ]
     until = limit.until if limit and everything == quick else None
     progress.plan(stages, until, len(cases))
     run = TrainingLoop(objective, config, folder, progress, limit, members, together)
@@ -90,7 +96,7 @@ def start(
         if reason is not None:
             progress.message(f"warning: no friction coefficient will be determined: {reason}")
     progress.message(
-        f"{many}{len(objective.surface_points)} surface points, "
+        f"{many}{len(objective.pool.surface_points)} surface points, "
         f"{objective.spec.n_params} network parameters, {config.dtype} on {device}"
     )
     return run

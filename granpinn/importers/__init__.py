@@ -1,7 +1,20 @@
 """Readers of measurement files, and the conversion of their vectors to a flow.
 
-One module per family of instruments reads `VectorFields` in the units of the file. frame.py
-converts them to SI, grains.py and surface.py locate the grains, and conversion.py calls them all.
+The files of this folder in the order in which a conversion passes them:
+
+    series.py       files and patterns -> one file after another
+    formats.py      the format of a file, from its first bytes; the table of readers
+    NAME.py         a reader gives `VectorFields`, in the units of the file (vectors.py). Text is
+                    read by textfile.py (rows), columns.py (names, units), tables.py (grids);
+                    other files by a library in the process of granpinn.foreign (limits.py)
+    source.py       times, validity and frames of the vectors
+    frame.py        units, axes and gravity -> `Frame`, which takes everything to SI (units.py)
+    statements.py   what files and flags state twice must agree
+    material.py     constants of the grains, from settings.py
+    points.py       given lines of the surface and walls
+    building.py     grains (grains.py), surface (surface.py, density.py) -> `Flow`
+
+conversion.py is this chain; reading.py calls it from Python, granpinn/convert.py as a command.
 """
 
 from granpinn.importers.arrays import from_arrays

@@ -102,13 +102,8 @@ def column(text: str) -> Column:
     return Column(name, unit)
 
 
-@dataclass(frozen=True)
-class TextLayout:
-    """Where the rows of a table begin, what its columns are called, and its separator.
-
-    Attributes:
-        comment: the lines above the names.
-    """
+class TextLayout(NamedTuple):
+    """Columns of a table, number of lines before its rows, its separator; lines above the names."""
 
     named: list[Column]
     skip: int
@@ -240,9 +235,9 @@ def read_headed(
 ) -> TextTable:
     """The columns of a file that names them above its rows; arguments as in `read_table`."""
     text = TextFile(path)
-    layout = layout_of(text.head(HEADER_LINES), roles, required)
-    found = read_table(text, roles, layout.named, required, layout.skip, layout.separator)
-    return replace(found, comment=layout.comment)
+    named, skip, separator, comment = layout_of(text.head(HEADER_LINES), roles, required)
+    table = read_table(text, roles, named, required, skip, separator)
+    return replace(table, comment=comment)
 
 
 def require_finite(path: Path | str, columns: Mapping[str, Float64], *, nan: bool = False) -> None:

@@ -4,26 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import STEADY, WALL_GAP, Flow, Surface, Walls
+from granpinn.data.flow import STEADY, WALL_GAP, WINDOW, Flow
 from granpinn.data.scaling import scales_of
-from granpinn.importers import surface as surfaces
-from granpinn.importers import walls
+from granpinn.importers import points
 from granpinn.importers.building import grid_flow, scattered_flow
-from granpinn.importers.displacement import warn_of_displacement
 from granpinn.importers.frame import Frame, frame_of, missing_units, upwards
 from granpinn.importers.gaps import GAPS
 from granpinn.importers.grains import with_mask
 from granpinn.importers.image_pairs import SAID as IMAGES_SAID
 from granpinn.importers.limits import require_room
-from granpinn.importers.material import Material, material_of, missing_constants
+from granpinn.importers.material import material_of, missing_constants
 from granpinn.importers.settings import SURFACES, Settings
 from granpinn.importers.source import Source, measured, selected_frames, vectors_of
-from granpinn.importers.statements import settled
+from granpinn.importers.statements import calibration, settled, warn_of_displacement
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, warn_of_zeros
 
 
@@ -60,29 +59,26 @@ def convert(
     missing = missing_units(fields, settings) + missing_constants(settings)
     if missing:
         raise DataFileError(f"missing: {'; '.join(missing)}")
-    material = material_of(settings)
+    constants, lengths = material_of(settings)
     if settings.mask is not None:
         fields = with_mask(fields, settings.mask, settings.length_unit or fields.length_unit)
     if said := upwards(fields, settings)[1]:
         tell(said)
     frame = settled(whole, settings, frame_of(fields, settings))
-    constants = {
-        "gravity": frame.gravity,
-        "density": material.density,
-        "grain_density": material.grain_density,
-        "grain_diameter": material.grain_diameter,
-        "length_unit": "1" if settings.dimensionless else "m",
-        "time_unit": "1" if settings.dimensionless else "s",
-        "density_unit": None if settings.dimensionless else "kg/m^3",
-        "attributes": _attributes(fields, settings, material),
-    }
-    given = _given_line(settings, frame, line)
-    constants["walls"] = _given_walls(settings, frame)
     si = frame.apply(fields)
+    given = wall_points = None
+    if line is not None:
+        given = points.surface_of(line, frame)
+    elif settings.surface not in SURFACES:
+        given = points.read_surface(Path(settings.surface), frame, si)
+    if settings.walls is not None:
+        wall_points = points.read_walls(Path(settings.walls), frame)
+    attributes = _attributes(fields, settings) | lengths | _window(whole, settings, frame)
+    constants |= {"gravity": frame.gravity, "attributes": attributes, "walls": wall_points}
     warn_of_displacement(si, frame)
     make = scattered_flow if si.scattered else grid_flow
     flow = make(si, settings, frame, given, constants)
-    for text in _summary(flow, material):
+    for text in _summary(flow):
         tell(text)
     inferred = fields.facts.get("mask") == GAPS and settings.mask is None and fields.c is None
     if inferred and given is None and flow.surface is not None:
@@ -93,27 +89,7 @@ def convert(
     return flow
 
 
-def _given_line(
-    settings: Settings, frame: Frame, line: Sequence[npt.ArrayLike] | None
-) -> Surface | None:
-    """The free surface in memory, or of --surface FILE."""
-    if line is not None:
-        return surfaces.from_arrays(line, frame)
-    if settings.surface in SURFACES:
-        return None
-    return surfaces.from_table(Path(settings.surface), frame)
-
-
-def _given_walls(settings: Settings, frame: Frame) -> Walls | None:
-    """The walls of --walls FILE."""
-    if settings.walls is None:
-        return None
-    return walls.from_table(Path(settings.walls), frame)
-
-
-def _attributes(
-    fields: VectorFields, settings: Settings, material: Material
-) -> dict[str, str | float]:
+def _attributes(fields: VectorFields, settings: Settings) -> dict[str, str | float]:
     """Further attributes of the flow file: source and settings."""
     facts = {f"source_{name}": value for name, value in fields.facts.items() if value}
     found: dict[str, str | float] = {**facts, "source": fields.facts.get("format", "arrays")}
@@ -121,9 +97,21 @@ def _attributes(
         value = getattr(settings, name)
         if value is not None and value != getattr(Settings, name):
             found[name] = value
-    if settings.steady:
-        found[STEADY] = 1
-    return found | material.lengths
+    return found | ({STEADY: 1} if settings.steady else {})
+
+
+def _window(fields: VectorFields, settings: Settings, frame: Frame) -> dict[str, float]:
+    """The window of --window; its pixels may be those of the header."""
+    if settings.window is None:
+        return {}
+    pixel = frame.pixel or calibration(fields.facts)[0]
+    window = replace(frame, pixel=pixel).number(settings.window, "length", "--window")
+    if not 0 < window < np.ptp(fields.x) * frame.length:
+        raise DataFileError(
+            f"--window must be a length below the width of the field of vectors, got "
+            f"{settings.window!r}: give the side of a window of the last pass, such as '32 px'"
+        )
+    return {WINDOW: window}
 
 
 def _described(fields: VectorFields) -> str:
@@ -141,7 +129,7 @@ def _described(fields: VectorFields) -> str:
     return f"{origin}: {frames} frames, {shape} vectors {units}: {shares}"
 
 
-def _summary(flow: Flow, material: Material) -> list[str]:
+def _summary(flow: Flow) -> list[str]:
     """Sizes and speeds that show an error of calibration at a glance."""
     scales = scales_of(flow)
     length, time = ("", "") if flow.length_unit == "1" else (" m", " s")
@@ -165,8 +153,8 @@ def _summary(flow: Flow, material: Material) -> list[str]:
     ]
     if flow.walls is not None:
         lines.append(f"walls: {int(np.isfinite(flow.walls.x).sum())} points")
-    if gap := material.lengths.get(WALL_GAP):
-        ratio = scales.length / gap
+    if gap := flow.attributes.get(WALL_GAP):
+        ratio = scales.length / float(gap)
         lines.append(
             f"side walls: the grains are {ratio:.2g} times as high as the gap is wide; the walls "
             f"carry up to about (wall friction) x {ratio:.2g} of friction, which train counts with "

@@ -21,8 +21,7 @@ from granpinn.foreign import installed
 from granpinn.importers.columns import Column, in_one_unit, read_table
 from granpinn.importers.limits import file_bytes, read_file
 from granpinn.importers.mesh_files import check_folder
-from granpinn.importers.numerals import whole
-from granpinn.importers.tables import grid_frame
+from granpinn.importers.tables import grid_frame, require_rows
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.units import si
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
@@ -134,7 +133,7 @@ def _acquired(text: str) -> float | None:
     if not text or len(text) > _MAX_TEXT_UNIT:
         return None
     try:
-        return si(text, "time", "AcqTimeSeries", "1 us")
+        return si(text, "time", "AcqTimeSeries")
     except DataFileError:
         return None
 
@@ -157,13 +156,7 @@ def read_text_export(path: Path) -> VectorFields:
     velocities = ["px/frame" if unit in ("pixel", "px") else unit for unit in velocities]
     named = map(Column, "xyuv", (*_both(path, lengths), *_both(path, velocities)))
     table = read_table(text, {name: (name,) for name in "xyuv"}, [*named], "xyuv")
-    expected = whole(head[3], f"{path}: number of columns") * whole(head[4], f"{path}: rows")
-    n_rows = table.columns["x"].size
-    if n_rows != expected:
-        raise DataFileError(
-            f"{path} must hold {expected} rows of x, y, u, v as its first line says, got "
-            f"{n_rows}: the file was cut off; export it again"
-        )
+    require_rows(path, table.columns["x"].size, head[3], head[4])
     none = (table.columns["u"] == 0) & (table.columns["v"] == 0)
     for name in "uv":
         table.columns[name] = np.where(none, np.nan, table.columns[name])

@@ -1,4 +1,4 @@
-"""Conversion from the units and axes of the files to SI (or none), and back.
+"""Conversion from the units and axes of the files to SI (or none).
 
 The axes of the result are x to the right and y up.
 """
@@ -61,18 +61,17 @@ class Frame:
 
     def apply(self, fields: VectorFields) -> VectorFields:
         """The same vectors in SI."""
-        factor = {"u": self.velocity, "v": self.up * self.velocity}
-        factor |= dict.fromkeys(("sigma_u", "sigma_v"), self.velocity)
-        return self._with(fields, factor, self.times(fields.t), self.place(fields.x, fields.y), 1)
-
-    def undo(self, fields: VectorFields) -> VectorFields:
-        """The inverse of `apply`."""
-        factor = {"u": 1 / self.velocity, "v": self.up / self.velocity}
-        factor |= dict.fromkeys(("sigma_u", "sigma_v"), 1 / self.velocity)
-        t = (fields.t - self.start) / self.time + self.t0
-        x = fields.x / self.length + self.x0
-        y = self.up * fields.y / self.length + self.y0
-        return self._with(fields, factor, t, (x, y), -1)
+        x, y = self.place(fields.x, fields.y)
+        changes: dict[str, Any] = dict(fields.arrays())
+        factors = dict.fromkeys(("u", "sigma_u", "sigma_v"), self.velocity)
+        for name, factor in {**factors, "v": self.up * self.velocity}.items():
+            if name in changes:
+                changes[name] = changes[name] * factor
+        if self.up < 0 and not fields.scattered:
+            y = y[::-1]
+            changes = {name: values[:, ::-1] for name, values in changes.items()}
+        changes |= {"t": self.times(fields.t), "x": x, "y": y}
+        return replace(fields, **changes, length_unit="m", time_unit="s", velocity_unit="m/s")
 
     def place(self, x: Float64, y: Float64) -> tuple[Float64, Float64]:
         """Positions in SI."""
@@ -116,34 +115,14 @@ class Frame:
         frame = self.interval if dimension == "time" else self.delay
         return units.factor(unit, dimension, what, self.pixel, frame)
 
-    def sigma(self, settings: Settings) -> float:
-        """The standard deviation of --sigma in SI."""
-        text = settings.sigma or ""
-        if settings.dimensionless:
-            sigma = units.plain(text, "--sigma")
+    def number(self, text: str, dimension: str, flag: str) -> float:
+        """The number of a flag in SI, such as that of --sigma '0.1 px/frame'."""
+        if self.dimensionless:
+            found = units.plain(text, flag)
         else:
-            number, unit = units.split(text, "--sigma")
-            sigma = number * self.factor(unit or "1", "velocity", "--sigma")
-        return units.in_range(sigma, "--sigma", text)
-
-    def _with(
-        self,
-        fields: VectorFields,
-        factor: dict[str, float],
-        t: Float64,
-        place: tuple[Float64, Float64],
-        direction: int,
-    ) -> VectorFields:
-        changes: dict[str, Any] = {"t": t, "x": place[0], "y": place[1]}
-        for name, values in fields.arrays().items():
-            changes[name] = values * factor[name] if name in factor else values
-        if self.up < 0 and not fields.scattered:
-            changes["y"] = changes["y"][::-1]
-            for name in fields.arrays():
-                changes[name] = changes[name][:, ::-1]
-        if direction > 0:
-            changes |= {"length_unit": "m", "time_unit": "s", "velocity_unit": "m/s"}
-        return replace(fields, **changes)
+            number, unit = units.split(text, flag)
+            found = number * self.factor(unit or "1", dimension, flag)
+        return units.in_range(found, flag, text)
 
 
 def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
@@ -205,31 +184,32 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
     """
     up, _ = upwards(fields, settings)
     counted = _counted(fields, settings)
-    start = None
-    pixel = frame = delay = None
+    pixel = interval = delay = None
+    g: float | None = 1.0
     if settings.dimensionless:
         length = time = velocity = 1.0
-        given = settings.gravity
-        g = 1.0 if given == Settings.gravity else units.plain(given, "--gravity")
         if counted:
-            time = frame = 1 / units.positive(settings.frame_rate or "", "--frame-rate")
-        if settings.start is not None:
-            start = units.plain(settings.start, "--start")
+            rate = settings.frame_rate or ""
+            value = units.plain(rate, "--frame-rate")
+            time = interval = 1 / units.in_range(value, "--frame-rate", rate)
     else:
         if settings.scale is not None:
             pixel = units.scale(settings.scale)
         if settings.frame_rate is not None:
-            frame = units.frame_time(settings.frame_rate, "--frame-rate")
-            delay = frame * float(fields.facts.get(PAIR_FRAMES, 1))
+            interval = units.frame_time(settings.frame_rate, "--frame-rate")
+            delay = interval * float(fields.facts.get(PAIR_FRAMES, 1))
         if settings.pulse_delay is not None:
             delay = units.frame_time(settings.pulse_delay, "--pulse-delay")
         names = _units(fields, settings)
         length = units.factor(names[0] or "", "length", "--length-unit", pixel)
-        time = units.factor(names[1] or "", "time", "--time-unit", pixel, frame)
+        time = units.factor(names[1] or "", "time", "--time-unit", pixel, interval)
         velocity = units.factor(names[2] or "", "velocity", "--velocity-unit", pixel, delay)
-        g = units.si(settings.gravity, "acceleration", "--gravity", "'9.81 m/s^2'")
-        if settings.start is not None:
-            start = units.si(settings.start, "time", "--start", "'4 ms'")
+    if not settings.dimensionless or settings.gravity != Settings.gravity:
+        g = settings.number("gravity")
+    assert g is not None
+    angle = units.si(settings.tilt, "angle", "--tilt")
+    if abs(angle) > math.pi:
+        raise DataFileError(f"--tilt must be an angle from -180 to 180 deg, got {settings.tilt!r}")
     if TRACK_WINDOW in fields.facts:
         if settings.velocity_unit and not math.isclose(velocity, length / time):
             raise DataFileError(
@@ -237,17 +217,9 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
                 f"{settings.velocity_unit}: leave it out"
             )
         velocity = length / time
-    if g <= 0:
-        raise DataFileError(
-            f"--gravity must be positive, got {settings.gravity!r}: --tilt turns its direction"
-        )
-    units.in_range(g, "--gravity", settings.gravity)
-    angle = units.si(settings.tilt, "angle", "--tilt", "'1.2 deg'")
-    if abs(angle) > math.pi:
-        raise DataFileError(f"--tilt must be an angle from -180 to 180 deg, got {settings.tilt!r}")
-    t0 = float(fields.t.min())
-    if start is None and counted and frame is not None:
-        start = 0.0 if fields.scattered else HALF * frame
+    t0, start = float(fields.t.min()), settings.number("start")
+    if start is None and counted and interval is not None:
+        start = 0.0 if fields.scattered else HALF * interval
     if start is None:  # the times of the files
         t0 = start = 0.0
     return Frame(
@@ -261,7 +233,7 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         gravity=(g * math.sin(angle), -g * math.cos(angle)),
         pixel=pixel,
         delay=delay,
-        interval=frame,
+        interval=interval,
         dimensionless=settings.dimensionless,
         counts=counted,
         several=tuple(kind.removesuffix("_unit") for kind in GROUPS if f"{kind}s" in fields.facts),

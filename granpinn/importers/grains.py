@@ -5,9 +5,7 @@ Its source is a fraction field, else a mask of files or images, else the cells w
 
 from __future__ import annotations
 
-import struct
-import zlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,26 +24,18 @@ _MAX_IMAGE = 2**30  # bytes
 _MAX_PIXELS = 2**27
 
 
-@dataclass(frozen=True, eq=False)
-class Grains:
-    """Volume fraction [T, Y, X] and where it comes from."""
-
-    c: Float64
-    source: str
-
-
-def grains_of(fields: VectorFields) -> Grains:
-    """The grains of vectors on a grid."""
+def grains_of(fields: VectorFields) -> tuple[Float64, str]:
+    """Volume fraction [T, Y, X] of vectors on a grid, and where it comes from."""
     if fields.c is not None:
         c = np.clip(np.nan_to_num(fields.c), 0.0, 1.0)  # NaN: no grains; beyond 0 and 1: rounding
         c[c > 1 - FULL] = 1.0
         c[fields.validity == Validity.MASKED] = 0.0
-        return Grains(c, "fraction")
+        return c, "fraction"
     masked = fields.validity == Validity.MASKED
     if masked.any():
-        return Grains((~masked).astype(np.float64), "mask")
+        return (~masked).astype(np.float64), "mask"
     c = np.stack([grains_around(frame) for frame in fields.usable]).astype(np.float64)
-    return Grains(c, "vectors")
+    return c, "vectors"
 
 
 def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> VectorFields:
@@ -68,9 +58,7 @@ def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> Ve
         raise DataFileError(
             f"--mask must be one image or one for each of the {n_frames} frames, got {len(files)}"
         )
-    masks = []
-    for file in files:
-        masks.append(_at_vectors(file, _picture(file), fields))
+    masks = [_at_vectors(file, _picture(file), fields) for file in files]
     outside = ~np.broadcast_to(np.stack(masks), fields.u.shape)
     codes = np.where(outside, np.int8(Validity.MASKED), fields.validity)
     u, v = (np.where(outside, np.nan, a) for a in (fields.u, fields.v))
@@ -96,16 +84,11 @@ def _picture(file: Path) -> Any:
             return np.asarray(image if deep else image.convert("L"))
     except DataFileError:
         raise
-    except UnidentifiedImageError:  # its message names the stream
-        reason = f"it is damaged, or none of {', '.join(_IMAGES)}"
-    # Pillow raises all of these for damaged files, SyntaxError among them.
-    except (OSError, ValueError, TypeError, ArithmeticError, LookupError, EOFError) as error:
+    except Exception as error:  # of any kind, for damaged files
         reason = str(error)
-    except (SyntaxError, RuntimeError, MemoryError, AttributeError, struct.error) as error:
-        reason = str(error)
-    except (zlib.error, Image.DecompressionBombError) as error:
-        reason = str(error)
-    raise DataFileError(f"{file} cannot be read as an image: {reason}")
+        if isinstance(error, UnidentifiedImageError):  # its message names the stream
+            reason = f"it is damaged, or none of {', '.join(_IMAGES)}"
+        raise DataFileError(f"{file} cannot be read as an image: {reason}") from None
 
 
 def _at_vectors(file: Path, picture: Any, fields: VectorFields) -> Bool:

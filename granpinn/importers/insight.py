@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from granpinn.importers.columns import Column, read_table
-from granpinn.importers.numerals import number, whole
+from granpinn.importers.numerals import number
 from granpinn.importers.statements import PULSE_DELAY
-from granpinn.importers.tables import grid_frame
+from granpinn.importers.tables import grid_frame, require_rows
 from granpinn.importers.textfile import TextFile
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields
+from granpinn.importers.vectors import Validity, VectorFields
 
 _HEADER_LINES = 50
 _DELTA = re.compile(r'MicrosecondsPerDeltaT="(\d++(?:\.\d*+)?)"')
@@ -47,11 +47,8 @@ def read(path: Path) -> VectorFields:
     table = read_table(text, {name: (name,) for name in _NEEDED}, named, _NEEDED, start)
     zone = _SIZE.search(head.partition("ZONE")[2])
     chc = table.columns.pop("chc")
-    if zone and chc.size != whole(zone[1], f"{path}: I") * whole(zone[2], f"{path}: J"):
-        raise DataFileError(
-            f"{path} must hold {zone[1]} x {zone[2]} vectors as its ZONE says, got {chc.size}: "
-            "the file was cut off; export it from Insight again"
-        )
+    if zone:
+        require_rows(path, chc.size, zone[1], zone[2])
     codes = np.where(chc == 1, Validity.VALID, Validity.INTERPOLATED)
     codes[~(chc > 0)] = Validity.INVALID
     for name in ("u", "v"):

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from granpinn.arrays import Int8
 from granpinn.importers.columns import TextTable, header, read_table
 from granpinn.importers.numerals import parse
-from granpinn.importers.tables import grid_frame
+from granpinn.importers.tables import codes_of, grid_frame
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 _NEW, _OLD = ("x", "y", "u", "v", "flags", "mask"), ("x", "y", "u", "v", "s2n")
+_MASK = {0: Validity.VALID, 1: Validity.MASKED}
 _FLAGS = {0: Validity.VALID, 1: Validity.INVALID, 2: Validity.INTERPOLATED}
 
 
@@ -58,17 +58,8 @@ def read(path: Path) -> VectorFields:
             )
         table = TextTable(dict(zip(names, rows.T, strict=True)), {})
     columns = table.columns
-    codes = None if "s2n" in columns else _codes(path, columns["flags"], columns["mask"])
-    return grid_frame(path, table, codes)
-
-
-def _codes(path: Path, flags: np.ndarray, mask: np.ndarray) -> Int8:
-    unknown = flags[~np.isin(flags, list(_FLAGS))]
-    if unknown.size or not np.isin(mask, (0, 1)).all():
-        raise DataFileError(
-            f"{path} must have flags 0, 1 or 2 and a mask of 0 and 1, got "
-            f"{unknown[0] if unknown.size else mask.max():g}: columns 5 and 6 are something else"
-        )
-    codes = np.array([_FLAGS[int(flag)] for flag in flags], np.int8)
-    codes[mask == 1] = Validity.MASKED
-    return codes
+    if "s2n" in columns:
+        return grid_frame(path, table)
+    codes = codes_of(path, "flags", columns["flags"], _FLAGS)
+    outside = codes_of(path, "mask", columns["mask"], _MASK) == Validity.MASKED
+    return grid_frame(path, table, np.where(outside, np.int8(Validity.MASKED), codes))

@@ -82,17 +82,18 @@ def _scattered(path: Path, times: Any) -> VectorFields:
     return vector_fields(t=t, x=x, y=y, u=u, v=v)
 
 
-def is_depths(path: Path) -> bool:
-    """Whether a file holds opyf's depths."""
-    with suppress(DataFileError):
-        return _arrays(path, *_DEPTHS.values()).keys() == {*_DEPTHS.values()}
-    return False
+def read_depths(path: Path) -> TextTable | None:
+    """The points t, x, y of the free surface: y is the depth, where there is one.
 
-
-def read_depths(path: Path) -> TextTable:
-    """The points t, x, y of the free surface: y is the depth, where there is one."""
-    parts = _required(path, _DEPTHS)
-    t, x, depth = parts["t"], parts["x"], parts["depth"]
+    None if the file holds something else than opyf's depths.
+    """
+    try:
+        found = _arrays(path, *_DEPTHS.values())
+    except DataFileError:
+        return None
+    if found.keys() != {*_DEPTHS.values()}:
+        return None
+    t, x, depth = (found[place] for place in _DEPTHS.values())
     if depth.shape != (t.size, x.size):
         raise DataFileError(
             f"{path} must hold depths [{t.size}, {x.size}] for its times and x, got "

@@ -129,21 +129,19 @@ def _fields(
 ) -> VectorFields:
     if not frames:
         raise DataFileError(f"{path} holds no analyzed frame: analyze the images in PIVlab first")
-    for k, frame in enumerate(frames):
-        if not all(isinstance(part, np.ndarray) and part.ndim == 2 for part in frame[:4]):
-            raise DataFileError(
-                f"{path} must have matrices x, y, u and v in every frame, got something else in "
-                f"frame {k + 1}: export it again"
-            )
     x, y = frames[0][:2]
     for k, frame in enumerate(frames):
-        if any(part is not None and np.shape(part) != x.shape for part in frame):
+        matrices = frame if frame[4] is not None else frame[:4]
+        alike = all(
+            isinstance(part, np.ndarray) and part.ndim == 2 and part.shape == np.shape(x)
+            for part in matrices
+        )
+        grid = alike and np.array_equal(frame[0], x) and np.array_equal(frame[1], y)
+        if not grid or (frame[4] is None) != (frames[0][4] is None):
             raise DataFileError(
-                f"{path} must have matrices of one size in every frame, got another in frame "
-                f"{k + 1}: do not mix grids"
+                f"{path} must have matrices x, y, u, v of one size, one grid, and vector types in "
+                f"all frames or in none, got something else in frame {k + 1}: export it again"
             )
-        if not (np.array_equal(frame[0], x) and np.array_equal(frame[1], y)):
-            raise DataFileError(f"{path} must have one grid, got another in frame {k + 1}")
     for name, values, axis in (("x", x, 0), ("y", y, 1)):
         if not (np.ptp(values, axis=axis) <= 1e-6 * np.ptp(values)).all():
             raise DataFileError(
@@ -151,16 +149,15 @@ def _fields(
                 "rotate nothing"
             )
     u, v = (np.stack([frame[i] for frame in frames]) for i in (2, 3))
-    types = [frame[4] for frame in frames]
-    if any(kind is not None for kind in types) and any(kind is None for kind in types):
-        raise DataFileError(f"{path} must have vector types in all frames or in none: export again")
-    facts = {"vector_types": "no", "mask": GAPS}
-    codes = split_gaps(np.isfinite(u) & np.isfinite(v))
-    if all(kind is not None for kind in types):
+    if frames[0][4] is None:
+        facts = {"vector_types": "no", "mask": GAPS}
+        codes = split_gaps(np.isfinite(u) & np.isfinite(v))
+    else:
         facts = {"vector_types": "yes"}
+        types = np.stack([frame[4] for frame in frames])
         codes = np.full(u.shape, Validity.INVALID, np.int8)
         for kind, code in TYPES.items():
-            codes[np.stack(types) == kind] = code
+            codes[types == kind] = code
     calibration = {name: _number(path, file, name, np.nan) for name in ("calxy", "calu", "caluv")}
     down = bool(y[-1, 0] > y[0, 0]) if y_down is None else y_down
     return vector_fields(

@@ -23,7 +23,7 @@ from granpinn.arrays import Float64, Int8
 from granpinn.importers.columns import Column, TextTable, header, read_table
 from granpinn.importers.image_pairs import IMAGES
 from granpinn.importers.numerals import whole
-from granpinn.importers.tables import grid_frame
+from granpinn.importers.tables import codes_of, grid_frame
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
@@ -131,11 +131,4 @@ def _codes(path: Path, columns: dict[str, Float64]) -> Int8 | None:
         return np.where(columns["gone"] == 1, Validity.MASKED, Validity.VALID).astype(np.int8)
     if "type" not in columns:
         return None
-    types = columns["type"]
-    unknown = types[~np.isin(types, list(TYPES))]
-    if unknown.size:
-        raise DataFileError(
-            f"{path} must have the vector types 0, 1, 2 and 3, got {unknown[0]:g}: check that the "
-            "columns are those of its header"
-        )
-    return np.array([TYPES[int(kind)] for kind in types], np.int8)
+    return codes_of(path, "vector types", columns["type"], TYPES)

@@ -49,15 +49,13 @@ def read_vectors(
         raise DataFileError(f"--format must be auto or one of {', '.join(FORMATS)}, got {format!r}")
     files = expand([paths] if isinstance(paths, str | os.PathLike) else paths)
     parts: list[VectorFields] = []
-    name = format
+    name = detect(files[0]) if format == AUTO else format
     for file in files:
-        found = detect(file) if format == AUTO else format
-        if parts and found != name:
+        if parts and format == AUTO and (found := detect(file)) != name:
             raise DataFileError(
                 f"{file} must be in the format {name} like the files before it, got {found}: "
                 "convert one kind of files at a time"
             )
-        name = found
         part = read_file(file, name, options or {})
         parts.append(_counted(part) if count else part)
         require_room(len(files) * part.u.size * (len(part.arrays()) - 1), 8, file)
@@ -91,10 +89,8 @@ def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
                 )
             found += files
         elif not path.exists() and any(c in str(given) for c in "*?["):
-            root = Path(path.anchor) if path.is_absolute() else Path()
-            pattern = str(path.relative_to(path.anchor) if path.is_absolute() else path)
             try:
-                found += root.glob(pattern)
+                found += Path(path.anchor).glob(str(path.relative_to(path.anchor)))
             except ValueError as error:  # such as "a**"
                 raise DataFileError(f"{given} must be a pattern of files, got {error}") from None
         else:
@@ -120,35 +116,23 @@ def natural(path: Path) -> list[tuple[int, float, str]]:
 
 def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
     """All frames after one another, on one grid."""
-    first = parts[0]
+    first, common = parts[0], _common(parts[0])
     for file, part in zip(files, parts, strict=True):
-        if part.scattered != first.scattered:
-            raise DataFileError(f"{file} must hold {_kind(first)} like {files[0]}, got other ones")
+        for what, expected in common.items():
+            if (found := _common(part)[what]) != expected:
+                raise DataFileError(
+                    f"{file} must have the {what} {expected} of {files[0]}, got {found}: convert "
+                    "files of one kind at a time"
+                )
         if None not in (part.y_down, first.y_down) and part.y_down != first.y_down:
             raise DataFileError(
                 f"{file} must have the direction of y of {files[0]}, got the opposite order of "
                 "rows: export both in one way"
             )
-        for name in GROUPS:
-            several = f"{name}s"  # of columns that were converted
-            stated, expected = ((getattr(f, name), f.facts.get(several)) for f in (part, first))
-            if stated != expected:
-                raise DataFileError(
-                    f"{file} must have the {name.replace('_', ' ')} {expected[1] or expected[0]} "
-                    f"of {files[0]}, got {stated[1] or stated[0]}: convert them apart"
-                )
         require_one_calibration({files[0]: first.facts, file: part.facts})
         if not first.scattered:
             _check_grid(file, files[0], part, first)
-        if part.arrays().keys() != first.arrays().keys():
-            raise DataFileError(
-                f"{file} must hold {', '.join(first.arrays())} like {files[0]}, got "
-                f"{', '.join(part.arrays())}"
-            )
-    times = _times(parts)
-    arrays = {
-        name: np.concatenate([part.arrays()[name] for part in parts]) for name in first.arrays()
-    }
+    arrays = {n: np.concatenate([part.arrays()[n] for part in parts]) for n in first.arrays()}
     axes = {"y": first.y, "x": first.x}
     if first.scattered:
         axes = {name: np.concatenate([getattr(part, name) for part in parts]) for name in axes}
@@ -156,9 +140,19 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
     # One file whose rows show no direction of y leaves it open for all.
     oriented = next((part for part in parts if part.y_down is None), first)
     facts = first.facts | {ROWS: MIXED} if oriented.facts.get(ROWS) == MIXED else first.facts
-    return vector_fields(
-        t=np.concatenate(times), **axes, **arrays, **units, y_down=oriented.y_down, facts=facts
-    )
+    t = np.concatenate(_times(parts))
+    return vector_fields(t=t, **axes, **arrays, **units, y_down=oriented.y_down, facts=facts)
+
+
+def _common(fields: VectorFields) -> dict[str, Any]:
+    """What all files of a series have in common, by its name in a message."""
+    # A fact has the units of columns that were converted.
+    units = {n: fields.facts.get(f"{n}s", getattr(fields, n)) for n in GROUPS}
+    return {
+        "kind": "scattered vectors" if fields.scattered else "vectors on a grid",
+        **{name.replace("_", " "): unit for name, unit in units.items()},
+        "arrays": ", ".join(fields.arrays()),
+    }
 
 
 def _times(parts: list[VectorFields]) -> list[Any]:
@@ -180,10 +174,6 @@ def _times(parts: list[VectorFields]) -> list[Any]:
         )
     starts = np.cumsum([0, *(np.ptp(t) + 1 for t in times)])
     return [t + start for t, start in zip(times, starts, strict=False)]
-
-
-def _kind(fields: VectorFields) -> str:
-    return "scattered vectors" if fields.scattered else "vectors on a grid"
 
 
 def _check_grid(file: Path, other: Path, part: VectorFields, first: VectorFields) -> None:

@@ -7,10 +7,20 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from granpinn.config.fields import flag_of
+from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
 from granpinn.declared import require_fields
+from granpinn.importers import units
 from granpinn.importers.vectors import DataFileError
 
 SURFACES = ("auto", "mask", "fraction", "none")  # other values of --surface name a file
+# Settings that a flow file keeps as attributes of the same names, in SI.
+LENGTHS = (WALL_GAP, PERIOD_X, SURFACE_SD, SOLVER_CELL, SOLVER_MEAN)
+QUANTITIES = {
+    **dict.fromkeys(("grain_diameter", *LENGTHS), "length"),
+    **dict.fromkeys(("grain_density", "density"), "density"),
+    "gravity": "acceleration",
+    "start": "time",
+}
 
 
 def _setting(default: Any, group: str, text: str) -> Any:
@@ -82,6 +92,12 @@ class Settings:
     time_unit: str | None = _setting(None, "calibration", "unit of t, likewise")
     velocity_unit: str | None = _setting(
         None, "calibration", "unit of u and v, likewise; default length unit / time unit"
+    )
+    window: str | None = _setting(
+        None,
+        "calibration",
+        "side of the interrogation windows of PIV, '32 px' (of the last pass): each vector is a "
+        "mean over it, and so is then the velocity of the network",
     )
     dimensionless: bool = _setting(
         False, "calibration", "the data have no units (simulations): give plain numbers everywhere"
@@ -180,6 +196,17 @@ class Settings:
     def fewest_words(self) -> str:
         """The same in words."""
         return "at least one frame" if self.steady else "at least two frames (or one and --steady)"
+
+    def number(self, name: str) -> float | None:
+        """A setting of `QUANTITIES` in SI, or as it is without units; None if it is not given."""
+        text, flag = getattr(self, name), flag_of(name)
+        if text is None:
+            return None
+        if self.dimensionless:
+            value = units.plain(text, flag)
+        else:
+            value = units.si(text, QUANTITIES[name], flag)
+        return value if name == "start" else units.in_range(value, flag, text)
 
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):

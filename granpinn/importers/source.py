@@ -13,7 +13,13 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.importers import units
 from granpinn.importers.arrays import from_arrays
-from granpinn.importers.columns import HEADER_LINES, NAMES, layout_of, read_table, require_finite
+from granpinn.importers.columns import (
+    HEADER_LINES,
+    NAMES,
+    layout_of,
+    read_headed,
+    require_finite,
+)
 from granpinn.importers.numerals import number, whole
 from granpinn.importers.series import expand, read_vectors
 from granpinn.importers.settings import Settings
@@ -22,7 +28,7 @@ from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, Validity, Ve
 
 Source = str | Path | Sequence[str | Path] | VectorFields | Mapping[str, Any]
 FIELDS = ("u", "v", "c", "p")
-_NUMBER = re.compile(r"\d++(?:\.\d++)?(?:[eE][-+]?\d++)?")
+_NUMBER = re.compile(r"(-?)(\d++(?:\.\d++)?(?:[eE][-+]?\d++)?)")
 
 
 def vectors_of(source: Source, settings: Settings) -> VectorFields:
@@ -79,20 +85,7 @@ def _with_times(
     if times == "name":
         if isinstance(source, VectorFields | Mapping):
             raise DataFileError("--times name needs files, got arrays: give t with them")
-        files = expand([source] if isinstance(source, str | Path) else source)
-        # The end of "out-0.25" is no suffix.
-        stems = [f.name if f.suffix[1:].isdigit() else f.stem for f in files]
-        found = [[*_NUMBER.finditer(stem)] for stem in stems]
-        if not all(found):
-            raise DataFileError(f"{files[0]} must have a number in its name for --times name")
-        last = [numbers[-1] for numbers in found]
-        before = {n.string[: n.start()].endswith("-") for n in last}
-        if len(before) > 1:
-            raise DataFileError(
-                "--times name needs names with a '-' before all numbers or before none, as it may "
-                "be a minus: give the times in a file"
-            )
-        t = np.array([number(n[0], f"the time in {n.string}") for n in last])
+        t = _times_in_names(expand([source] if isinstance(source, str | Path) else source))
     else:
         t, stated = _times_of(Path(times))
         if stated and settings.time_unit not in (None, stated):
@@ -102,18 +95,31 @@ def _with_times(
             )
         unit = stated or unit
     old = np.unique(fields.t)
-    if t.size != old.size:
+    if not t.size == old.size == np.unique(t).size:
         raise DataFileError(
-            f"--times must give one time for each of the {old.size} frames, got {t.size}"
+            f"--times must give another time for every frame of {old.size}, got {t.size} times, "
+            f"{np.unique(t).size} of them different: check them"
         )
-    if np.unique(t).size < t.size:
-        raise DataFileError("--times must be another time for every frame, got one twice: check it")
     new = t[np.searchsorted(old, fields.t)]
     if fields.scattered:
         return replace(fields, t=new, time_unit=unit)
-    order = np.argsort(new)
-    arrays: dict[str, Any] = {name: a[order] for name, a in fields.arrays().items()}
-    return replace(fields, t=new[order], time_unit=unit, **arrays)
+    return replace(_at(fields, np.argsort(new)), t=np.sort(new), time_unit=unit)
+
+
+def _times_in_names(files: Sequence[Path]) -> Float64:
+    """The last number in the name of each file."""
+    # The end of "out-0.25" is no suffix.
+    stems = [f.name if f.suffix[1:].isdigit() else f.stem for f in files]
+    found = [_NUMBER.findall(stem)[-1:] for stem in stems]
+    if not all(found):
+        raise DataFileError(f"{files[0]} must have a number in its name for --times name")
+    if len({minus for ((minus, _),) in found}) > 1:
+        raise DataFileError(
+            "--times name needs names with a '-' before all numbers or before none, as it may "
+            "be a minus: give the times in a file"
+        )
+    pairs = zip(found, stems, strict=True)
+    return np.array([number(digits, f"the time in {stem}") for ((_, digits),), stem in pairs])
 
 
 def _times_of(path: Path) -> tuple[Float64, str | None]:
@@ -123,8 +129,8 @@ def _times_of(path: Path) -> tuple[Float64, str | None]:
     """
     text = TextFile(path)
     roles = {name: NAMES[name] for name in ("t", "frame")}
-    layout = layout_of(text.head(HEADER_LINES), roles, ("t",))
-    if not layout.named or is_number(layout.named[0].name):
+    named = layout_of(text.head(HEADER_LINES), roles, ("t",)).named
+    if not named or is_number(named[0].name):
         rows = text.numbers()
         if rows.shape[1] > 1:
             raise DataFileError(
@@ -132,20 +138,25 @@ def _times_of(path: Path) -> tuple[Float64, str | None]:
                 "line that names the column of the times t"
             )
         return rows[:, 0], None
-    if len(layout.named) == 1:
-        roles = {"t": (layout.named[0].name,)}
-    table = read_table(text, roles, layout.named, ("t",), layout.skip, layout.separator)
+    if len(named) == 1:
+        roles = {"t": (named[0].name,)}
+    table = read_headed(path, ("t",), roles)
     require_finite(path, table.columns)
-    order = np.argsort(table.columns.get("frame", np.zeros(0)), kind="stable")
-    t = table.columns["t"]
-    return t[order] if order.size else t, table.units.get("t")
+    t, unit = table.columns["t"], table.units.get("t")
+    frame = table.columns.get("frame", np.zeros(t.size))
+    return t[np.argsort(frame, kind="stable")], unit
+
+
+def _at(fields: VectorFields, kept: Any) -> VectorFields:
+    """The vectors at these places of their first axis: frames of a grid, or scattered vectors."""
+    names = ("t", *fields.arrays(), *(("y", "x") if fields.scattered else ()))
+    return replace(fields, **{name: getattr(fields, name)[kept] for name in names})
 
 
 def measured(fields: VectorFields, settings: Settings) -> VectorFields:
     """Makes interpolated vectors invalid, or measured ones if the setting says so; and zeros."""
     code = Validity.VALID if settings.keep_interpolated else Validity.INVALID
-    codes = fields.validity.copy()
-    codes[codes == Validity.INTERPOLATED] = code
+    codes = np.where(fields.validity == Validity.INTERPOLATED, np.int8(code), fields.validity)
     if settings.zeros == "missing":
         codes[(fields.u == 0) & (fields.v == 0)] = Validity.INVALID
     gone = codes == Validity.INVALID
@@ -160,21 +171,16 @@ def selected_frames(fields: VectorFields, settings: Settings) -> VectorFields:
     parts = settings.frames.split(":")
     try:
         chosen = slice(*(whole(part, "--frames") if part.strip() else None for part in parts))
+        if len(parts) < 2 or (chosen.step is not None and chosen.step < 1):
+            raise TypeError
     except (DataFileError, TypeError):
         raise DataFileError(
             f"--frames must be FIRST:LAST:STEP such as 10:200:2, got {settings.frames!r}"
         ) from None
-    if len(parts) < 2 or (chosen.step is not None and chosen.step < 1):
-        raise DataFileError(f"--frames must be FIRST:LAST:STEP, got {settings.frames!r}")
     times = np.unique(fields.t)[chosen]
     if times.size < settings.fewest_frames:
         raise DataFileError(
             f"--frames must leave {settings.fewest_words}, got {times.size} of "
             f"{np.unique(fields.t).size}"
         )
-    keep = np.isin(fields.t, times)
-    arrays = {name: values[keep] for name, values in fields.arrays().items()}
-    changes: dict[str, Any] = {"t": fields.t[keep], **arrays}
-    if fields.scattered:
-        changes |= {"y": fields.y[keep], "x": fields.x[keep]}
-    return replace(fields, **changes)
+    return _at(fields, np.isin(fields.t, times))

@@ -28,6 +28,10 @@ NEVER_SET = 1.0  # s between two images, the default of programs
 CALXY, CALUV, CALU, PULSE_DELAY = "calxy", "caluv", "calu", "pulse_delay_us"
 _UNITS = {CALXY: "m/px", CALUV: "m/s per px/frame", CALU: "m/s per px/frame", PULSE_DELAY: "us"}
 _MICROSECONDS = 1e-6
+# PIV programs are wrong by about 0.1 px, and their windows, of up to 256 px, do not find
+# displacements of more than half of them.
+LEAST_PIXELS, MOST_PIXELS = 0.1, 128.0
+FASTEST = 0.99  # quantile of the speed
 
 
 class Statement(NamedTuple):
@@ -134,7 +138,7 @@ def _scale(fields: VectorFields, settings: Settings, frame: Frame, pixel: float 
         length,
         settings.velocity_unit,
         fields.velocity_unit,
-        (settings.sigma or "").partition(" ")[2],
+        *((text or "").partition(" ")[2] for text in (settings.sigma, settings.window)),
     )
     tables = settings.walls or settings.surface not in SURFACES
     if not tables and not any(units.has(unit, "px") for unit in used):
@@ -207,3 +211,24 @@ def _units(fields: VectorFields, settings: Settings) -> None:
                 Statement(1.0, stated, "the file"),
                 Statement(units.ratio(given, stated, flag), given, flag),
             )
+
+
+def warn_of_displacement(si: VectorFields, frame: Frame) -> None:
+    """Warns if the fastest vectors move by less or more than a PIV program can measure.
+
+    Args:
+        si: vectors in SI units.
+        frame: with the size of a pixel and the time between two images, where they are known.
+    """
+    if frame.pixel is None or frame.delay is None or not si.usable.any():
+        return
+    speed = np.hypot(si.u[si.usable], si.v[si.usable])
+    moved = float(np.quantile(speed, FASTEST)) * frame.delay / frame.pixel
+    if moved > 0 and not LEAST_PIXELS <= moved <= MOST_PIXELS:
+        warnings.warn(
+            f"the fastest vectors move by {moved:.3g} px between two images, and PIV programs "
+            f"measure {LEAST_PIXELS:g} to {MOST_PIXELS:g} px: check --scale, --velocity-unit, "
+            "--frame-rate and --pulse-delay",
+            FlowFileWarning,
+            stacklevel=3,
+        )

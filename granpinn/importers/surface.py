@@ -1,4 +1,4 @@
-r"""Points of the free surface: where the volume fraction crosses 1/2, or from a table.
+"""Points of the free surface: where the volume fraction crosses 1/2.
 
 Between the centers of two neighboring cells, one in the grains and one outside, the surface lies
 where c = 1/2 by linear interpolation; for a mask, half way. Some edges of a mask are no free
@@ -10,18 +10,12 @@ never counts.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from granpinn.arrays import Float64, plain_array
+from granpinn.arrays import Float64
 from granpinn.data.flow import Surface
-from granpinn.importers.columns import read_headed, require, require_finite
-from granpinn.importers.frame import Frame
-from granpinn.importers.opyf import is_depths, read_depths
-from granpinn.importers.vectors import DataFileError, VectorFields
+from granpinn.importers.vectors import VectorFields
 
 HALF = 0.5
 _UPWARDS = 0.5  # cosine of the angle to the vertical
@@ -70,42 +64,3 @@ def from_scattered(fields: VectorFields) -> Surface | None:
     if not near.any():
         return None
     return Surface(t=fields.t[near], x=fields.x[near], y=fields.y[near])
-
-
-def from_table(path: Path, frame: Frame) -> Surface:
-    """The points of a table with the columns t (or frame), x, y, or of opyf's depths.
-
-    A column with a unit in brackets is in that unit; the others have the units of the vectors.
-
-    Args:
-        frame: of the vectors, in whose axes the points are given.
-    """
-    table = read_depths(path) if is_depths(path) else read_headed(path, ("x", "y"))
-    columns = table.columns
-    time = "t" if "t" in columns else "frame"
-    require(path, table.named, [] if time in columns else ["t (or frame)"])
-    require_finite(path, {name: columns[name] for name in (time, "x", "y")})
-    x, y = (
-        columns[name] * frame.factor(table.units.get(name), "length", f"{path}: {name}")
-        for name in ("x", "y")
-    )
-    stated = table.units.get("t") if time == "t" else "frame"
-    seconds = frame.moments(columns[time], stated, f"{path}: {time}")
-    return Surface(seconds, *frame.place(x / frame.length, y / frame.length))
-
-
-def from_arrays(points: Sequence[npt.ArrayLike], frame: Frame) -> Surface:
-    """The points t, x, y [n] in the units and axes of the vectors."""
-    try:
-        t, x, y = (
-            plain_array(values, name, DataFileError).astype(np.float64)
-            for name, values in zip("txy", points, strict=True)
-        )
-    except (TypeError, ValueError) as error:
-        raise DataFileError(f"surface must be three arrays t, x, y of numbers: {error}") from None
-    if t.ndim != 1 or not t.shape == x.shape == y.shape or t.size == 0:
-        shapes = ", ".join(str(list(values.shape)) for values in (t, x, y))
-        raise DataFileError(f"surface must be t, x, y of one length [n], got {shapes}")
-    require_finite("surface", {"t": t, "x": x, "y": y})
-    frame.factor(None, "length", "surface")  # one unit for x and y
-    return Surface(frame.times(t), *frame.place(x, y))

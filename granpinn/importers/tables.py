@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.arrays import Float64
+from granpinn.arrays import Float64, Int8
 from granpinn.importers.columns import TextTable, in_one_unit, require_finite
 from granpinn.importers.gaps import GAPS, split_gaps
-from granpinn.importers.vectors import DataFileError, VectorFields, vector_fields
+from granpinn.importers.numerals import whole
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 
 # Coordinates that differ by less than this part of the spacing belong to one column.
 SAME = 0.01
@@ -55,6 +56,29 @@ def to_grid(path: Path, columns: Mapping[str, Float64], validity: Any = None) ->
     if validity is not None:
         grids["validity"] = np.asarray(validity, np.int8)[order].reshape(1, *shape)
     return grids
+
+
+def codes_of(path: Path, what: str, values: Float64, known: Mapping[int, Validity]) -> Int8:
+    """Validity of every row by the codes of a program; `what` are these, for the message."""
+    codes = np.full(values.shape, -1, np.int8)
+    for value, validity in known.items():
+        codes[values == value] = validity
+    if (codes < 0).any():
+        raise DataFileError(
+            f"{path} must have the {what} {', '.join(map(str, known))}, got "
+            f"{values[codes < 0][0]:g}: check that the columns are those of its header"
+        )
+    return codes
+
+
+def require_rows(path: Path, found: int, columns: str, rows: str) -> None:
+    """Refuses a file with other than the columns times rows that its header states."""
+    expected = whole(columns, f"{path}: columns") * whole(rows, f"{path}: rows")
+    if found != expected:
+        raise DataFileError(
+            f"{path} must hold {expected} vectors as its header says, got {found}: the file was "
+            "cut off; export it again"
+        )
 
 
 def grid_frame(

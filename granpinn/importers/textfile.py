@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import codecs
 import csv
-import math
 from array import array
 from collections.abc import Iterator, Sequence
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -51,12 +51,7 @@ class TextFile:
                 raise self._too_long(number)
         return found[:count]
 
-    def lines(self, skip: int = 0) -> Iterator[str]:
-        """The lines, without the first `skip` ones."""
-        for _, lines in self.line_blocks(skip):
-            yield from lines
-
-    def line_blocks(self, skip: int = 0) -> Iterator[tuple[int, list[str]]]:
+    def _line_blocks(self, skip: int = 0) -> Iterator[tuple[int, list[str]]]:
         """Number of the first line in the file, and lines, of one block after another."""
         number = 1
         for block in self._blocks():
@@ -126,12 +121,87 @@ class TextFile:
         Raises:
             DataFileError: a row has more or fewer cells, or a cell is no number.
         """
-        rows = _Rows(self.path, separator, count, kept)
-        for first, lines in self.line_blocks(skip):
+        values, signs = array("d"), set[str]()
+        for first, lines in self._line_blocks(skip):
             for number, line in enumerate(lines, first):
-                rows.add(number, line)
-            rows.check_room()
-        return rows.table()
+                if not line or line.isspace() or line.startswith(_COMMENTS):
+                    continue
+                if separator is None:
+                    separator = separator_of(line)
+                try:
+                    cells = cells_of(line, separator)
+                except csv.Error as error:
+                    raise DataFileError(
+                        f"{self.path}, line {number}: expected cells of a table, got another text "
+                        f"({error}): export it again"
+                    ) from None
+                if count is None:
+                    count = len(cells) - (not cells[-1].strip())
+                if len(cells) == count + 1 and not cells[-1].strip():
+                    del cells[-1]
+                if len(cells) != count or count > MAX_COLUMNS:
+                    raise _wrong_count(f"{self.path}, line {number}", len(cells), count)
+                if kept is not None:
+                    cells = [cells[i] for i in kept]
+                if separator in (";", "\t") and ("," in line or "," in signs or not signs):
+                    cells = _with_points(f"{self.path}, line {number}", cells, signs)
+                # float() accepts more than the exact parser, and fails on empty cells.
+                try:
+                    row = [*map(float, cells)]
+                    exact = inf not in row and -inf not in row and "_" not in line
+                except ValueError:
+                    exact = False
+                long = len(line) > MAX_CHARACTERS and max(map(len, cells), default=0)
+                if not exact or long > MAX_CHARACTERS or not line.isascii():
+                    row = _parsed(f"{self.path}, line {number}", cells, kept)
+                values.extend(row)
+            require_room(len(values), values.itemsize, self.path)
+        if not values:
+            raise DataFileError(f"{self.path} has no rows of numbers: export it again")
+        return np.frombuffer(values).reshape(-1, count or 1 if kept is None else len(kept))
+
+
+def _wrong_count(where: str, found: int, count: int) -> DataFileError:
+    """The refusal of a row of other than `count` cells, or of too many."""
+    if count > MAX_COLUMNS:
+        return DataFileError(
+            f"{where}: expected at most {MAX_COLUMNS} columns, got {count}: this is no table of "
+            "vectors; export it again"
+        )
+    cause = "it was cut off here, or this line is no row of the table"
+    if found > count:
+        cause = "it has a comma both between columns and in numbers, or mixes tables"
+    return DataFileError(
+        f"{where}: expected {count} cells as above, got {found}: {cause}; export it again"
+    )
+
+
+def _with_points(where: str, cells: list[str], signs: set[str]) -> list[str]:
+    """The cells with a point as decimal sign; one file has one sign, which joins `signs`."""
+    signs |= {sign for sign in ",." if any(sign in cell for cell in cells)}
+    if len(signs) > 1:
+        raise DataFileError(
+            f"{where}: expected one decimal sign in all numbers, got a comma and a point: export "
+            "the file with points"
+        )
+    return [cell.replace(",", ".") for cell in cells] if "," in signs else cells
+
+
+def _parsed(where: str, cells: list[str], kept: Sequence[int] | None) -> list[float]:
+    """The numbers of cells by the exact parser, NaN where one is missing."""
+    row = []
+    for k, cell in enumerate(cells):
+        text = cell.strip()
+        try:
+            row.append(nan if text.lower() in _MISSING else parse(text))
+        except ValueError:
+            comma = {",", " "} & {*text} and "separate columns with ';' or tabs, or use points"
+            raise DataFileError(
+                f"{where}: expected numbers, got {cell[:MAX_CHARACTERS]!r} in column "
+                f"{1 + (k if kept is None else kept[k])}: "
+                + (comma or "this is not the format it was taken for, or the line is damaged")
+            ) from None
+    return row
 
 
 def encoding_of(content: bytes) -> str:
@@ -171,106 +241,3 @@ def cells_of(line: str, separator: str) -> list[str]:
     if '"' in line:
         return next(csv.reader([line], delimiter=separator or " ", strict=True), [])
     return line.split(separator) if separator else line.split()
-
-
-class _Rows:
-    """Rows of numbers, which grow line by line."""
-
-    def __init__(
-        self,
-        path: Path,
-        separator: str | None,
-        count: int | None,
-        kept: Sequence[int] | None,
-    ) -> None:
-        self._path, self._separator, self._count, self._kept = path, separator, count, kept
-        self._values = array("d")
-        self._signs: set[str] = set()  # decimal signs
-
-    def add(self, number: int, line: str) -> None:
-        """Appends a line; nothing if it is blank or a comment.
-
-        float() reads most lines. The exact parser reads the lines where float() fails, or where it
-        would accept more than the exact parser.
-        """
-        if not line or line.isspace() or line.startswith(_COMMENTS):
-            return
-        if self._separator is None:
-            self._separator = separator_of(line)
-        try:
-            cells = cells_of(line, self._separator)
-        except csv.Error as error:
-            raise DataFileError(
-                f"{self._path}, line {number}: expected cells of a table, got another text "
-                f"({error}): export it again"
-            ) from None
-        if self._count is None:
-            self._count = len(cells) - (not cells[-1].strip())
-        if self._count > MAX_COLUMNS:
-            raise DataFileError(
-                f"{self._path}, line {number}: expected at most {MAX_COLUMNS} columns, got "
-                f"{self._count}: this is no table of vectors; export it again"
-            )
-        if len(cells) == self._count + 1 and not cells[-1].strip():
-            del cells[-1]
-        if len(cells) != self._count:
-            cause = "it was cut off here, or this line is no row of the table"
-            if len(cells) > self._count:
-                cause = "it has a comma both between columns and in numbers, or mixes tables"
-            raise DataFileError(
-                f"{self._path}, line {number}: expected {self._count} cells as above, got "
-                f"{len(cells)}: {cause}; export it again"
-            )
-        if self._kept is not None:
-            cells = [cells[i] for i in self._kept]
-        if self._separator in (";", "\t") and (
-            "," in line or "," in self._signs or not self._signs
-        ):
-            cells = self._with_points(number, cells)
-        try:
-            row = [*map(float, cells)]
-        except ValueError:
-            row = self._parsed(number, cells)
-        long = len(line) > MAX_CHARACTERS and max(map(len, cells), default=0) > MAX_CHARACTERS
-        if long or not line.isascii() or "_" in line or math.inf in row or -math.inf in row:
-            row = self._parsed(number, cells)
-        self._values.extend(row)
-
-    def _with_points(self, number: int, cells: list[str]) -> list[str]:
-        """The cells with a point as decimal sign; one file has one sign."""
-        for sign in ",.":
-            if sign not in self._signs and any(sign in cell for cell in cells):
-                self._signs.add(sign)
-        if len(self._signs) > 1:
-            raise DataFileError(
-                f"{self._path}, line {number}: expected one decimal sign in all numbers, got a "
-                "comma and a point: export the file with points"
-            )
-        return [cell.replace(",", ".") for cell in cells] if "," in self._signs else cells
-
-    def _parsed(self, number: int, cells: list[str]) -> list[float]:
-        row = []
-        for k, cell in enumerate(cells):
-            try:
-                text = cell.strip()
-                row.append(math.nan if text.lower() in _MISSING else parse(text))
-            except ValueError:
-                column = 1 + (k if self._kept is None else self._kept[k])
-                comma = {",", " "} & {*text} and "separate columns with ';' or tabs, or use points"
-                raise DataFileError(
-                    f"{self._path}, line {number}: expected numbers, got {cell[:MAX_CHARACTERS]!r} "
-                    f"in column {column}: "
-                    + (comma or "this is not the format it was taken for, or the line is damaged")
-                ) from None
-        return row
-
-    def check_room(self) -> None:
-        """Refuses more numbers than there is memory for."""
-        require_room(len(self._values), self._values.itemsize, self._path)
-
-    def table(self) -> Float64:
-        """All rows [rows, columns]."""
-        if not self._values:
-            raise DataFileError(f"{self._path} has no rows of numbers: export it again")
-        width = len(self._kept) if self._kept is not None else self._count or 1
-        return np.frombuffer(self._values).reshape(-1, width)

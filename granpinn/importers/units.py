@@ -1,4 +1,4 @@
-"""Conversion of text with units, such as "0.12 mm/px", to plain SI numbers.
+"""Conversion of text with units, such as "0.12 mm/px", to plain SI numbers, by pint.
 
 Pixel and frame are units here. A velocity in px/frame needs a scale (m/px) and a time between
 frames (s/frame) to become m/s, and an error can name the missing one.
@@ -25,14 +25,15 @@ _NAME_WITH_POWER = re.compile(rf"([A-Za-zµμ°])({_POWER})")
 # Factors and constants of one unit system; what is larger or smaller is a mistake.
 _LEAST, _MOST = 1e-30, 1e30
 
+# Quantities with their dimensions, and examples for messages.
 DIMENSIONS = {
-    "length": "[length]",
-    "time": "[time]",
-    "velocity": "[length]/[time]",
-    "acceleration": "[length]/[time]**2",
-    "density": "[mass]/[length]**3",
-    "pressure": "[mass]/[length]/[time]**2",
-    "angle": "",
+    "length": ("[length]", "'0.8 mm'"),
+    "time": ("[time]", "'4 ms'"),
+    "velocity": ("[length]/[time]", "'0.1 m/s'"),
+    "acceleration": ("[length]/[time]**2", "'9.81 m/s^2'"),
+    "density": ("[mass]/[length]**3", "'2500 kg/m^3'"),
+    "pressure": ("[mass]/[length]/[time]**2", "'10 Pa'"),
+    "angle": ("", "'1.2 deg'"),
 }
 
 
@@ -51,38 +52,26 @@ def unit(text: str, what: str) -> Any:
     """A pint unit; `what` names the setting or the file for the message."""
     import pint
 
-    if len(text) > MAX_QUANTITY:
-        raise DataFileError(
-            f"{what} must be a unit such as mm, px/frame or m/s, got {len(text)} characters: "
-            "give a short one"
-        )
-    cleaned = " ".join(text.strip().strip("[]").split())
+    short = len(text) <= MAX_QUANTITY
+    cleaned = " ".join(text.strip().strip("[]").split()) if short else text
     if cleaned in ("1", "-", ""):
         return _registry().dimensionless
-    if len(cleaned) > MAX_UNIT or not _UNIT.fullmatch(cleaned):
-        raise DataFileError(f"{what} must be a unit such as mm, px/frame or m/s, got {text!r}")
-    powers = _NAME_WITH_POWER.sub(_with_power, cleaned).replace("·", "*")
-    try:
-        return _registry().Unit(powers)
-    except (pint.errors.PintError, ValueError, TypeError, AttributeError, SyntaxError):
-        raise DataFileError(
-            f"{what} must be a unit such as mm, px/frame or m/s, got {text!r}, which is not known"
-        ) from None
-
-
-def _with_power(match: re.Match[str]) -> str:
-    return f"{match[1]}**{match[2].lstrip('^*')}"
+    if len(cleaned) <= MAX_UNIT and _UNIT.fullmatch(cleaned):
+        powers = _NAME_WITH_POWER.sub(lambda m: f"{m[1]}**{m[2].lstrip('^*')}", cleaned)
+        try:
+            return _registry().Unit(powers.replace("·", "*"))
+        except (pint.errors.PintError, ValueError, TypeError, AttributeError, SyntaxError):
+            pass
+    raise DataFileError(
+        f"{what} must be a unit such as mm, px/frame or m/s, got {text[:MAX_QUANTITY]!r}"
+    )
 
 
 def split(text: str, what: str) -> tuple[float, str]:
     """Number and unit of text such as "2500 kg/m^3"."""
-    if len(text) > MAX_QUANTITY:
-        raise DataFileError(
-            f"{what} must be a number with a unit, got {len(text)} characters: give a short one"
-        )
-    match = _QUANTITY.fullmatch(" ".join(text.split()))
+    match = _QUANTITY.fullmatch(" ".join(text.split())) if len(text) <= MAX_QUANTITY else None
     if match is None:
-        raise DataFileError(f"{what} must be a number with a unit, got {text!r}")
+        raise DataFileError(f"{what} must be a number with a unit, got {text[:MAX_QUANTITY]!r}")
     return number(match[1], what), match[2].strip()
 
 
@@ -94,11 +83,6 @@ def plain(text: str, what: str) -> float:
         raise DataFileError(
             f"{what} must be a plain number with --dimensionless, got {text!r}"
         ) from None
-
-
-def positive(text: str, what: str) -> float:
-    """A positive number of a conversion without units."""
-    return in_range(plain(text, what), what, text)
 
 
 def in_range(value: float, what: str, text: str) -> float:
@@ -119,10 +103,10 @@ def quantity(text: str, what: str) -> Any:
     return value * unit(name, what)
 
 
-def si(text: str, dimension: str, what: str, example: str) -> float:
+def si(text: str, dimension: str, what: str) -> float:
     """A number with a unit of the given dimension in SI; an angle in radians."""
     value = quantity(text, what)
-    wanted = DIMENSIONS[dimension]
+    wanted, example = DIMENSIONS[dimension]
     if not value.check(wanted) or (dimension == "angle" and value.units == _registry().Unit("")):
         article = "an" if dimension.startswith("a") else "a"
         raise DataFileError(
@@ -133,35 +117,28 @@ def si(text: str, dimension: str, what: str, example: str) -> float:
 
 def scale(text: str) -> float:
     """Meters per pixel, from "0.12 mm/px" or "8.3 px/mm"."""
-    value = quantity(text, "--scale")
-    registry = _registry()
-    for candidate in (value, 1 / value if value.magnitude else value):
-        if candidate.check("[length]/[px_length]") and candidate.magnitude > 0:
-            found = float(candidate.to(registry.m / registry.px).magnitude)
-            return in_range(found, "--scale", text)
-    raise DataFileError(
-        f"--scale must be a positive length per pixel such as '0.12 mm/px', got {text!r}"
-    )
+    expected = "a positive length per pixel such as '0.12 mm/px'"
+    return _either_way_up(text, "--scale", expected, "m/px")
 
 
 def frame_time(text: str, what: str) -> float:
     """Seconds per frame, from "500 Hz", "500 fps", "500 frame/s" or "2 ms"."""
+    return _either_way_up(text, what, "a rate or a time such as '500 Hz' or '2 ms'", "s", "s/frame")
+
+
+def _either_way_up(text: str, what: str, expected: str, *targets: str) -> float:
+    """A positive quantity, or one over it, in the first target unit that it converts to."""
     value = quantity(text, what)
-    registry = _registry()
     for candidate in (value, 1 / value if value.magnitude else value):
-        for target in (registry.s, registry.s / registry.frame):
+        for target in map(_registry().Unit, targets):
             # A frequency in hertz is 1/s, with no radians in it.
             if candidate.dimensionality == target.dimensionality and candidate.magnitude > 0:
                 return in_range(float(candidate.to(target).magnitude), what, text)
-    raise DataFileError(f"{what} must be a rate or a time such as '500 Hz' or '2 ms', got {text!r}")
+    raise DataFileError(f"{what} must be {expected}, got {text!r}")
 
 
 def factor(
-    text: str,
-    dimension: str,
-    what: str,
-    px: float | None = None,
-    frame: float | None = None,
+    text: str, dimension: str, what: str, px: float | None = None, frame: float | None = None
 ) -> float:
     """The factor from this unit to SI.
 
@@ -179,12 +156,11 @@ def factor(
         ("[px_length]", px, "--scale, such as '0.12 mm/px'", registry.m / registry.px),
         ("[frame_count]", frame, "--frame-rate, such as '500 Hz'", registry.s / registry.frame),
     ):
-        power = dimensions.get(key, 0)
-        if power and known is None:
-            raise DataFileError(f"{what} is in {text}: give {flag}")
-        if power and known is not None:
+        if power := dimensions.get(key, 0):
+            if known is None:
+                raise DataFileError(f"{what} is in {text}: give {flag}")
             found = found * (known * base) ** power
-    if not found.check(DIMENSIONS[dimension]):
+    if not found.check(DIMENSIONS[dimension][0]):
         raise DataFileError(f"{what} must be a unit of {dimension}, got {text!r}")
     return in_range(float(found.to_base_units().magnitude), what, text)
 
@@ -202,8 +178,7 @@ def ratio(text: str, other: str, what: str) -> float:
 
 def same_dimension(text: str, other: str) -> bool:
     """Whether a value in one unit can be converted to the other."""
-    one, base = unit(text, "the unit"), unit(other, "the unit")
-    return bool(one.dimensionality == base.dimensionality)
+    return _dimensions(text) == _dimensions(other)
 
 
 def shown(value: float, name: str) -> str:
@@ -213,7 +188,9 @@ def shown(value: float, name: str) -> str:
 
 def has(text: str | None, symbol: str) -> bool:
     """Whether a unit contains pixels ("px") or frames ("frame")."""
-    if text is None:
-        return False
     key = {"px": "[px_length]", "frame": "[frame_count]"}[symbol]
-    return key in dict(unit(text, "the unit").dimensionality)
+    return text is not None and key in _dimensions(text)
+
+
+def _dimensions(text: str) -> dict[str, float]:
+    return dict(unit(text, "the unit").dimensionality)

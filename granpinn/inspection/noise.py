@@ -11,19 +11,16 @@ import numpy as np
 
 from granpinn.data import Flow
 from granpinn.data.noise import max_speed
+from granpinn.estimates.noise import Noise
 from granpinn.inspection import NEGLIGIBLE_NOISE, Inspection
 from granpinn.results.record import ADVICE, Check, Reason, Record
 
 
 @dataclass(frozen=True)
-class MeasuredNoise(Record):
-    """Standard deviations of one component of one vector in the units of the file; None: unknown.
+class MeasuredNoise(Noise, Record):
+    """The noise in the units of the file, beside what the file states.
 
     Attributes:
-        sigma: of a typical vector.
-        u, v: for each component alone.
-        in_time, in_space: from differences in time and in space.
-        vectors_per_independent: number of vectors over number of independent ones.
         stated: median of the standard deviation in the file.
         relative: sigma over the largest speed; None if either is unknown.
         speed: the largest one, of the smoothed velocity where there is one: the largest of many
@@ -35,12 +32,6 @@ class MeasuredNoise(Record):
 
     title = "noise"
 
-    sigma: float | None
-    u: float | None
-    v: float | None
-    in_time: float | None
-    in_space: float | None
-    vectors_per_independent: float
     stated: float | None
     relative: float | None
     speed: float
@@ -100,20 +91,13 @@ class MeasuredNoise(Record):
 
 def make(inspection: Inspection) -> MeasuredNoise:
     flow, facts, unit = inspection.flow, inspection.facts, inspection.scales.velocity
-    noise, smooth, speed = facts.noise, facts.slopes, max_speed(flow)
+    noise, smooth, speed = facts.noise.in_units_of(unit), facts.slopes, max_speed(flow)
     if smooth.u.size:
         speed = min(speed, float(np.hypot(smooth.u, smooth.v).max()) * unit)
-    parts = (noise.sigma, noise.u, noise.v, noise.in_time, noise.in_space)
-    sigma, u, v, in_time, in_space = (None if part is None else part * unit for part in parts)
     return MeasuredNoise(
-        sigma,
-        u,
-        v,
-        in_time,
-        in_space,
-        vectors_per_independent=noise.vectors_per_independent,
+        **vars(noise),
         stated=_stated(flow),
-        relative=None if sigma is None or not speed > 0 else sigma / speed,
+        relative=None if noise.sigma is None or not speed > 0 else noise.sigma / speed,
         speed=speed,
         averaged=flow.averaged,
         scattered=flow.particles is not None,

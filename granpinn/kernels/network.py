@@ -20,11 +20,14 @@ OUTPUTS = {"strong": 3, "mixed": 5}
 
 @dataclass(frozen=True)
 class NetworkSpec:
-    """The layers, input map and form of a network: everything except its parameters."""
+    """The layers, input map and form of a network: everything except its parameters.
+
+    Members of an ensemble that have their own input maps have them as tensors [E, 3].
+    """
 
     widths: tuple[int, ...]
-    input_shift: tuple[float, ...]
-    input_scale: tuple[float, ...]
+    input_shift: tuple[float, ...] | Tensor
+    input_scale: tuple[float, ...] | Tensor
     form: str
 
     def __post_init__(self) -> None:

@@ -15,6 +15,8 @@ import torch
 from torch import Tensor
 
 from granpinn.kernels import registration  # noqa: F401  (loads the operators)
+from granpinn.kernels.network import NetworkSpec
+from granpinn.physics.terms import LossPoints
 
 _ops = torch.ops.granpinn
 
@@ -78,20 +80,14 @@ def viscosity(
 def residual_loss(
     params: Tensor,
     theta: Tensor,
-    points: Tensor,
-    velocity: Tensor,
-    point_weights: Tensor,
-    surface_points: Tensor,
-    surface_pressure: Tensor,
+    batch: LossPoints,
     term_weights: Tensor,
-    widths: Sequence[int],
-    input_shift: Constants,
-    input_scale: Constants,
+    spec: NetworkSpec,
     physics: Constants,
-    form: str,
     law: str = "mu_of_i",
+    *,
     precision: str = "fp32",
-    source: Tensor | None = None,
+    equations: bool = True,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """The loss, its terms, and its gradients by the network and the friction law, in one pass.
 
@@ -102,21 +98,16 @@ def residual_loss(
     Args:
         params: parameters of the network [P].
         theta: parameters of the friction law, in its order.
-        points, velocity: interior points [N, 3] and the velocity measured there [N, 2].
-        point_weights: weights of the velocity misfit and of the equations there [N, 2].
-        surface_points, surface_pressure: points of the surface [M, 3] and the pressure there [M].
+        batch: the points with their data; they have no gradient.
         term_weights: one for each of granpinn.physics.terms.
-        widths: of the layers, [3, hidden ..., K].
-        input_shift, input_scale: the input map, three numbers each.
+        spec: of the network.
         physics: the fields of granpinn.physics.constants.Physics.
-        form: "mixed" (K = 5), "strong" (K = 3), or "data", which has no equations (K = 3 or 5).
         law: a name in granpinn.physics.laws.LAWS; or one for each of E members, with commas
             between them. A row of theta then has the length of the longest law, and the values
             behind a shorter one have no effect.
         precision: "fp32", or "fast" for tensor cores, compensated to float32 in the forward
             products and halves in the backward ones; without effect on a CPU and in float64.
-        source: force per mass that the momentum equation has at the points beside gravity [N, 2];
-            None: none. It has no gradient.
+        equations: without them, the terms of the velocity and the surface only.
 
     The input map and ``physics`` are numbers, or tensors with a leading E: members of an ensemble
     can be different problems.
@@ -127,21 +118,11 @@ def residual_loss(
     Raises:
         ValueError, TypeError: shapes, types or devices do not fit.
     """
+    *points, source = batch
+    constants = (_tensor(x, params) for x in (spec.input_shift, spec.input_scale, physics))
+    network = (spec.widths, *constants, spec.form if equations else "data")
     out: tuple[Tensor, Tensor, Tensor, Tensor] = _ops.residual_loss(
-        params,
-        theta,
-        points,
-        velocity,
-        point_weights,
-        surface_points,
-        surface_pressure,
-        term_weights,
-        widths,
-        *(_tensor(values, params) for values in (input_shift, input_scale, physics)),
-        form,
-        law,
-        precision,
-        source,
+        params, theta, *points, term_weights, *network, law, precision, source
     )
     return out
 

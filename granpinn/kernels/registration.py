@@ -10,13 +10,11 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from granpinn.kernels import builds
-from granpinn.physics.terms import NAMES, RESIDUALS
+from granpinn.physics.terms import NAMES, RESIDUALS, LossPoints
 
 builds.load()
 
 CHANNELS = (1, 4, 7)  # of jets of order 0, 1, 2
-# The inputs of residual_loss after params and theta that have no gradient.
-DATA = ["points", "velocity", "point_weights", "surface_points", "surface_pressure", "term_weights"]
 
 _ops = torch.ops.granpinn
 
@@ -132,7 +130,8 @@ torch.library.register_autograd("granpinn::network_jet", _jet_backward, setup_co
 
 def _loss_setup(ctx, inputs, output):  # type: ignore[no-untyped-def]
     _, terms, grad_params, grad_theta = output
-    for name, data in zip([*DATA, "source"], [*inputs[2:8], inputs[15]], strict=True):
+    names = [*LossPoints._fields[:-1], "term_weights", "source"]
+    for name, data in zip(names, [*inputs[2:8], inputs[15]], strict=True):
         if data is not None and data.requires_grad:
             raise ValueError(
                 f"{name} must not require a gradient: the loss is differentiable in params and "

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, make_dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from granpinn.declared import require_fields
-from granpinn.physics.laws import DEFAULT, LAWS, Law, LawParameter
+from granpinn.physics.laws import DEFAULT, LAWS, FrictionLaw, LawParameter
 
 
 def _help_of(name: str) -> str:
@@ -16,7 +16,7 @@ def _help_of(name: str) -> str:
     return f"{name}: " + ", ".join(f"{p.help} ({law.name}: {_usual(law, p)})" for law, p in having)
 
 
-def _usual(law: Law, p: LawParameter) -> str:
+def _usual(law: FrictionLaw, p: LawParameter) -> str:
     return f"{p.typical:g}" + (" rho g H" if p.name == law.cohesion else "")
 
 
@@ -67,7 +67,7 @@ class LawValues(_Parameters):
                 )
 
     @property
-    def friction_law(self) -> Law:
+    def friction_law(self) -> FrictionLaw:
         return LAWS[self.law]
 
     @property

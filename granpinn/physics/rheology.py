@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from granpinn.arrays import Float64
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 
 
 def inertial_number(gamma_dot: Tensor, p: Tensor, d: float, p_floor: float) -> Tensor:
@@ -28,7 +28,7 @@ def inertial_number(gamma_dot: Tensor, p: Tensor, d: float, p_floor: float) -> T
 
 
 def by_parameters(
-    law: Law,
+    law: FrictionLaw,
     I: Float64,
     theta: Sequence[float] | Float64,
     of: Callable[[Tensor, Tensor], Tensor] = lambda mu, theta: mu,

@@ -22,7 +22,7 @@ Values = TypeVar("Values")
 
 
 @dataclass(frozen=True)
-class Material:
+class EquationConstants:
     r"""The constants of the material in the equations, dimensionless.
 
     `grain_diameter` is $d \sqrt{\rho_g / \rho} / H_0$: the equations have one density, the bulk

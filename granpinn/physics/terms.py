@@ -1,11 +1,14 @@
-"""The terms of the residual loss, one row each: the order is that of csrc/problem.h."""
+"""The terms of the residual loss, one row each in the order of csrc/problem.h; and its points."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 from granpinn.physics.scales import Quantity
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 Form = Literal["mixed", "strong"]  # residual: stress as an unknown, or the paper's
 FORMS: tuple[Form, ...] = get_args(Form)
@@ -49,3 +52,38 @@ RESIDUALS: dict[str, tuple[str, ...]] = {
     "mixed": ("momentum", "momentum", "continuity", "constitutive", "constitutive"),
 }
 """The terms of the residuals of a form, in the order of csrc/math/forms."""
+
+
+class LossPoints(NamedTuple):
+    """The points over which the terms are means, dimensionless; for E members, [E, ...].
+
+    Attributes:
+        points, velocity: interior points (x, y, t) [N, 3] and (u, v) measured there [N, 2].
+        point_weights: weights of the velocity misfit and of the equations there [N, 2].
+        surface_points, surface_pressure: points of the surface [M, 3] and the pressure there [M].
+        source: force per mass beside gravity at the interior points [N, 2]; None: none.
+    """
+
+    points: Tensor
+    velocity: Tensor
+    point_weights: Tensor
+    surface_points: Tensor
+    surface_pressure: Tensor
+    source: Tensor | None = None
+
+    def at(self, inside: Tensor | slice, surface: Tensor | slice) -> LossPoints:
+        """Some of the interior points and of the surface points, by their indices."""
+        return LossPoints(
+            self.points[..., inside, :],
+            self.velocity[..., inside, :],
+            self.point_weights[..., inside, :],
+            self.surface_points[..., surface, :],
+            self.surface_pressure[..., surface],
+            None if self.source is None else self.source[..., inside, :],
+        )
+
+    def member(self, e: int) -> LossPoints:
+        """The points of member e; members share what has no axis E."""
+        ranks = (2, 2, 2, 2, 1, 2)
+        pairs = zip(self, ranks, strict=True)
+        return LossPoints._make(x if x is None or x.ndim == rank else x[e] for x, rank in pairs)

@@ -3,31 +3,29 @@ r"""The training loss, equations (10), (11) and (14) of the paper, and its gradi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from granpinn.physics.constants import Physics
-from granpinn.physics.terms import NAMES, RESIDUALS
+from granpinn.physics.terms import NAMES, RESIDUALS, LossPoints
 from granpinn.reference.equations import pressure, residuals
 from granpinn.reference.network import member, network
+
+if TYPE_CHECKING:
+    from granpinn.kernels.network import NetworkSpec
 
 
 def loss_terms(
     params: Tensor,
     theta: Tensor,
-    points: Tensor,
-    velocity: Tensor,
-    point_weights: Tensor,
-    surface_points: Tensor,
-    surface_pressure: Tensor,
-    widths: Sequence[int],
-    input_shift: Sequence[float],
-    input_scale: Sequence[float],
+    batch: LossPoints,
+    spec: NetworkSpec,
     physics: Sequence[float],
-    form: str,
     law: str = "mu_of_i",
-    source: Tensor | None = None,
+    *,
+    equations: bool = True,
 ) -> Tensor:
     r"""The five terms [5] of one network, differentiable in params and theta.
 
@@ -39,27 +37,25 @@ def loss_terms(
         continuity    1/(2N) sum w_f (div v)^2                            equation (11)
         constitutive  1/(2N) sum w_f (r_1^2 + r_2^2)                      mixed form
 
-    A term over no points, or of equations that `form` does not have, is 0; form "data" has none.
-
-    Args:
-        points, velocity, point_weights: [N, 3], (u, v) [N, 2], (w_v, w_f) [N, 2].
-        surface_points, surface_pressure: [M, 3], [M].
-        source: force per mass beside gravity at the points [N, 2]; None: none.
+    A term over no points, or of equations that the form does not have, is 0; without `equations`
+    there are none.
     """
-    raw = network(params, widths, input_shift, input_scale)
+    raw = network(params, spec.widths, spec.input_shift, spec.input_scale)
     constants = Physics(*physics)
+    points, velocity, point_weights, surface_points, surface_pressure, source = batch
     w_v, w_f = point_weights.unbind(1)
 
     misfit = constants.velocity_scale * raw(points)[:, :2] - velocity
     misfit_surface = pressure(raw(surface_points), constants.pressure_scale) - surface_pressure
-    none = misfit.new_zeros(len(points), 0)
-    e = none if form == "data" else residuals(raw, points, theta, physics, form, law, source)
+    names = RESIDUALS[spec.form] if equations else ()
+    at = (points, theta, physics, spec.form, law, source)
+    e = residuals(raw, *at) if equations else misfit.new_zeros(len(points), 0)
     terms = {
         "velocity": _half_mean(w_v, misfit),
         "surface": _half_mean(torch.ones_like(surface_pressure), misfit_surface.unsqueeze(1)),
     }
     for name in NAMES[len(terms) :]:
-        columns = [k for k, term in enumerate(RESIDUALS.get(form, ())) if term == name]
+        columns = [k for k, term in enumerate(names) if term == name]
         terms[name] = _half_mean(w_f, e[:, columns])
     return torch.stack(list(terms.values()))
 
@@ -72,19 +68,13 @@ def _half_mean(weights: Tensor, vectors: Tensor) -> Tensor:
 def residual_loss(
     params: Tensor,
     theta: Tensor,
-    points: Tensor,
-    velocity: Tensor,
-    point_weights: Tensor,
-    surface_points: Tensor,
-    surface_pressure: Tensor,
+    batch: LossPoints,
     term_weights: Tensor,
-    widths: Sequence[int],
-    input_shift: Sequence[float],
-    input_scale: Sequence[float],
+    spec: NetworkSpec,
     physics: Sequence[float],
-    form: str,
     law: str = "mu_of_i",
-    source: Tensor | None = None,
+    *,
+    equations: bool = True,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """loss = sum_k term_weights_k term_k, with the terms and both gradients, all detached.
 
@@ -92,38 +82,16 @@ def residual_loss(
         loss [], terms [5], d loss / d params [P], d loss / d theta; each leads with E for an
         ensemble, whose members are evaluated one after the other.
     """
-    problem = (widths, input_shift, input_scale, physics, form, law)
     if params.ndim == 2:
-        members = [
-            residual_loss(
-                w,
-                member(theta, e, 1),
-                member(points, e, 2),
-                member(velocity, e, 2),
-                member(point_weights, e, 2),
-                member(surface_points, e, 2),
-                member(surface_pressure, e, 1),
-                member(term_weights, e, 1),
-                *problem,
-                None if source is None else member(source, e, 2),
-            )
-            for e, w in enumerate(params)
-        ]
+        members = []
+        for e, w in enumerate(params):
+            own = (w, member(theta, e, 1), batch.member(e), member(term_weights, e, 1))
+            members.append(residual_loss(*own, spec, physics, law, equations=equations))
         loss, terms, grad_params, grad_theta = map(torch.stack, zip(*members, strict=True))
         return loss, terms, grad_params, grad_theta
 
     params, theta = params.detach().requires_grad_(), theta.detach().requires_grad_()
-    terms = loss_terms(
-        params,
-        theta,
-        points,
-        velocity,
-        point_weights,
-        surface_points,
-        surface_pressure,
-        *problem,
-        source,
-    )
+    terms = loss_terms(params, theta, batch, spec, physics, law, equations=equations)
     loss = (term_weights * terms).sum()
     grad_params, grad_theta = torch.autograd.grad(loss, (params, theta), materialize_grads=True)
     return loss.detach(), terms.detach(), grad_params, grad_theta

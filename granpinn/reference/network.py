@@ -19,11 +19,14 @@ def member(tensor: Tensor, e: int, rank: int) -> Tensor:
 def network(
     params: Tensor,
     widths: Sequence[int],
-    input_shift: Sequence[float],
-    input_scale: Sequence[float],
+    input_shift: Sequence[float] | Tensor,
+    input_scale: Sequence[float] | Tensor,
 ) -> RawNetwork:
     """Fully connected network with swish; params holds W [out, in] and b [out] of each layer."""
-    shift, scale = params.new_tensor(input_shift), params.new_tensor(input_scale)
+    shift, scale = (
+        torch.as_tensor(x, dtype=params.dtype, device=params.device)
+        for x in (input_shift, input_scale)
+    )
 
     def z(points: Tensor) -> Tensor:
         a = (points - shift) * scale

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from granpinn.physics.laws import mu_of_i
+from granpinn.results.determined import NOT_DETERMINED, USELESS, half_width, spans
 from granpinn.results.record import BAD, CARE, GOOD, IMPROBABLE, UNUSUAL
 
 if TYPE_CHECKING:
@@ -27,8 +28,7 @@ HEADLINES = {GOOD: "good to use", CARE: "use with care", BAD: "do not use"}
 # 0.03 to 0.08, a film played backwards 0.18 to 0.7 (bench/studies/coverage).
 UNBALANCED, CONTRADICTED = 0.05, 0.15
 SETTLED, AFTER_1000 = 3000, 0.03  # a larger residual shows a training of fewer steps than the first
-# Half of the 90 % interval, of log mu.
-WIDE, USELESS = 0.1, 0.5
+WIDE = 0.1  # half of the 90 % interval, of log mu
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ def useless(r: Result) -> str | None:
     if found is None or found.half <= USELESS:
         return None
     if r.timing.steps >= SETTLED:
-        return f"{found.words}: these data do not tell more."
+        return f"{found.words}; these data do not tell more."
     return f"{found.words}. {_longer(r, found.half / WIDE)}"
 
 
@@ -191,27 +191,31 @@ def _widest(r: Result) -> Width | None:
     count as well. None without any interval."""
     found, curve = [], r.law.curve
     if curve is not None and curve.low is not None and curve.high is not None:
-        half = max(map(_half, zip(curve.low, curve.high, strict=True)))
+        halves = [*map(half_width, zip(curve.low, curve.high, strict=True))]
+        half = max(halves)
         at = f"{curve.band(0)} at I = {curve.I[0]:.2g}"
         if curve.I[-1] > curve.I[0]:
             at += f" to {curve.band(-1)} at I = {curve.I[-1]:.2g}"
-        found.append(Width(half, f"mu(I) is known to {_words(half)}: {at} (90 % intervals)"))
+        words = f"mu(I) is known to {_words(half)}: {at} (90 % intervals)"
+        if half > USELESS:
+            at = f"I = {curve.I[halves.index(half)]:.2g}"
+            words = f"mu(I) is {NOT_DETERMINED} at {at}: {spans(half)}"
+        found.append(Width(half, words))
         if half <= WIDE:
             return found[0]
     for name, p in r.parameters.items():
         if p.interval_90 is not None:
-            half = _half(p.interval_90)
+            half = half_width(p.interval_90)
             found.append(Width(half, f"{name} is known to {_words(half)}: {p.words} (90 %)"))
+    if r.determined is not None and r.determined.raw_interval_90 is not None:
+        for name in r.determined.wide:
+            half = half_width(r.determined.raw_interval_90[name])
+            found.append(Width(half, f"{name} is {NOT_DETERMINED}: {r.determined.why(name)}"))
     return max(found, key=lambda width: width.half, default=None)
 
 
-def _half(interval: tuple[float, float]) -> float:
-    low, high = interval
-    return math.log(high / low) / 2 if low > 0 else math.inf
-
-
 def _words(half: float) -> str:
-    return f"+- {100 * half:.2g} %" if half < 1 else f"a factor of {math.exp(half):.2g}"
+    return f"+- {100 * half:.2g} %"
 
 
 def _longer(r: Result, times: float) -> str:

@@ -43,6 +43,8 @@ def _row(result: Result, name: str, p: Parameter) -> list[str]:
     true = getattr(result.truth, name, None)
     reach = reach_of(result) if name == "mu_2" else None
     notes = ["given"] if p.fixed else []
+    if result.determined is not None and not p.determined:
+        notes += [result.determined.why(name)]
     notes += [] if reach is None else [f"extrapolated: the flow reaches {reach:.2g} I0"]
     return [f"{name:5s}", value, "" if true is None else f"true {number(true)}", "".join(notes)]
 
@@ -55,6 +57,9 @@ def _curve(result: Result) -> str:
     ends = [0, -1] if curve.I[-1] > curve.I[0] else [0]
     words = []
     for k in ends:
+        if not curve.determines(k):
+            words.append(f"{NOT_DETERMINED} at I = {curve.I[k]:.2g}")
+            continue
         mu = number(curve.mu[k])
         if curve.low is not None and curve.high is not None:
             mu += f" +- {number((curve.high[k] - curve.low[k]) / 2)}"

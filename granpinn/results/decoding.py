@@ -1,127 +1,142 @@
-"""JSON values into typed dataclasses, strictly, and back.
+"""Records as JSON values and back, strictly, by cattrs.
 
-Exactly the types that results.json needs: dataclasses, `Named`, float, int, bool, str, `X | None`,
-tuples, dict[str, X] and Any.  An unknown key, a missing key or a wrong type is a ValueError that
-names the place, the expected type and the found value.
+An unknown key, a missing key or a wrong type is a ValueError that names the place. A whole number
+is a number, and nothing else is converted.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-import types
 import typing
+from collections.abc import Callable
 from typing import Any, TypeVar
+
+from cattrs import ClassValidationError, Converter, IterableValidationError
+from cattrs.errors import AttributeValidationNote, ForbiddenExtraKeysError
+from cattrs.gen import make_dict_structure_fn, mapping_structure_factory
 
 from granpinn.results.named import Named
 
 T = TypeVar("T")
+CONVERTER = Converter(forbid_extra_keys=True)
 
 
-OTHERS = {"others": True}  # metadata of a dict field: the keys of the JSON object without a field
+class WrongTypeError(ValueError):
+    """A value has another type; the message begins behind the name of its place."""
+
+    def __init__(self, expected: str, value: Any) -> None:
+        super().__init__(f"must be {expected}, got {value!r}")
 
 
 def encode(value: Any) -> Any:
-    """The inverse of `decode`, with tuples as lists."""
-    if dataclasses.is_dataclass(value):
-        content: dict[str, Any] = {}
-        for f in dataclasses.fields(value):
-            item = encode(getattr(value, f.name))
-            content |= item if "others" in f.metadata else {f.name: item}
-        return content
-    if isinstance(value, dict):
-        return {name: encode(item) for name, item in value.items()}
-    return [encode(item) for item in value] if isinstance(value, (list, tuple)) else value
+    """The inverse of `decode`."""
+    return CONVERTER.unstructure(value)
 
 
 def decode(cls: type[T], value: Any, where: str = "") -> T:
-    """An instance of the dataclass `cls` from a dict of JSON values; `where`: its place."""
-    return typing.cast(T, _decode(cls, value, where))
+    """An instance of `cls` from JSON values; `where`: their place, for the message.
 
-
-def _decode(kind: Any, value: Any, where: str) -> Any:
-    if kind is Any:
-        return value
-    if dataclasses.is_dataclass(kind):
-        return _dataclass(typing.cast(type, kind), value, where)
-    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
-    if origin in (types.UnionType, typing.Union):
-        (inner,) = (argument for argument in arguments if argument is not types.NoneType)
-        return None if value is None else _decode(inner, value, where)
-    if origin is tuple:
-        return _tuple(arguments, value, where)
-    if origin is dict:
-        return _items(arguments[1], value, where)
-    if issubclass(kind, Named):
-        (inner,) = typing.get_args(kind.__orig_bases__[0])
-        return _made(kind, (_items(inner, value, where),), {}, f"{where}.")
-    return _scalar(kind, value, where)
-
-
-def _items(kind: Any, value: Any, where: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise _wrong(where, "an object", value)
-    return {k: _decode(kind, item, f"{where}.{k}") for k, item in value.items()}
-
-
-def _dataclass(cls: type, value: Any, where: str) -> Any:
-    if not isinstance(value, dict):
-        raise _wrong(where, "an object", value)
-    fields = {f.name: f for f in dataclasses.fields(cls)}
-    prefix = f"{where}." if where else ""
-    for name, f in fields.items():
-        if "others" in f.metadata:
-            value = {k: v for k, v in value.items() if k in fields} | {
-                name: {k: v for k, v in value.items() if k not in fields}
-            }
-    for key in value:
-        if key not in fields:
-            raise ValueError(f"{prefix}{key} is not known; expected {', '.join(fields)}")
-    hints = typing.get_type_hints(cls)
-    decoded = {}
-    for name, f in fields.items():
-        if name in value:
-            place = where if "others" in f.metadata else prefix + name
-            decoded[name] = _decode(hints[name], value[name], place)
-        elif f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING:
-            raise ValueError(f"{prefix}{name} is missing")
-    return _made(cls, (), decoded, f"{where}: " if where else "")
-
-
-def _made(cls: type, values: tuple[Any, ...], named: dict[str, Any], prefix: str) -> Any:
+    Raises:
+        ValueError: the values do not fit.
+    """
     try:
-        return cls(*values, **named)
-    except ValueError as error:
-        raise ValueError(f"{prefix}{error}") from None
+        return CONVERTER.structure(value, cls)
+    except (ValueError, TypeError, ClassValidationError, IterableValidationError) as error:
+        raise ValueError(_sentence(error, where)) from None
 
 
-def _tuple(arguments: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:
-    if not isinstance(value, (list, tuple)):
-        raise _wrong(where, "a list", value)
-    if arguments[-1] is Ellipsis:
-        arguments = arguments[:1] * len(value)
-    if len(arguments) != len(value):
-        raise _wrong(where, f"a list of {len(arguments)}", value)
-    pairs = zip(arguments, value, strict=True)
-    return tuple(_decode(kind, item, f"{where}[{i}]") for i, (kind, item) in enumerate(pairs))
+def _sentence(error: BaseException, where: str) -> str:
+    """The first fault of an error, with its place."""
+    kind: Any = None
+    while isinstance(error, ClassValidationError | IterableValidationError):
+        placed, others = error.group_exceptions()
+        if not placed:
+            error = others[0]
+            break
+        error, note = placed[0]
+        kind = note.type
+        key = note.name if isinstance(note, AttributeValidationNote) else note.index
+        where += f"[{key}]" if isinstance(key, int) else f".{key}" if where else str(key)
+    if isinstance(error, KeyError):
+        return f"{where} is missing"
+    if isinstance(error, ForbiddenExtraKeysError):
+        known = ", ".join(f.name for f in dataclasses.fields(error.cl))
+        key = min(error.extra_fields)
+        return f"{f'{where}.' if where else ''}{key} is not known; expected {known}"
+    if isinstance(error, WrongTypeError):
+        return f"{where or 'the content'} {error}"
+    if isinstance(error, AttributeError | TypeError):
+        return f"{where or 'the content'} must be a value of the type {kind}"
+    return f"{where}: {error}" if where else str(error)
 
 
-def _scalar(kind: type, value: Any, where: str) -> Any:
-    accepted: Any = {float: (int, float), int: int, bool: bool, str: str}[kind]
-    expected = {float: "a finite number", int: "a whole number", bool: "true or false"}
-    wrong = _wrong(where, expected.get(kind, "a string"), value)
-    if not isinstance(value, accepted) or isinstance(value, bool) != (kind is bool):
-        raise wrong
-    if kind is not float:
+def _strict(kind: type, expected: str) -> None:
+    def structure(value: Any, _: Any) -> Any:
+        if type(value) is not kind:
+            raise WrongTypeError(expected, value)
         return value
+
+    CONVERTER.register_structure_hook(kind, structure)
+
+
+_strict(int, "a whole number")
+_strict(bool, "true or false")
+_strict(str, "a string")
+
+
+@CONVERTER.register_structure_hook
+def _number(value: Any, _: Any) -> float:
     try:
-        finite = math.isfinite(value)
+        if type(value) in (int, float) and math.isfinite(value):
+            return float(value)
     except OverflowError:  # a whole number beyond the range of float64
-        finite = False
-    if not finite:
-        raise wrong
-    return float(value)
+        pass
+    raise WrongTypeError("a finite number", value)
 
 
-def _wrong(where: str, expected: str, value: Any) -> ValueError:
-    return ValueError(f"{where or 'the content'} must be {expected}, got {value!r}")
+def _origin(kind: Any) -> Any:
+    return typing.get_origin(kind)
+
+
+def _typed(expected: Any, words: str, inner: Callable[[Any, Any], Any]) -> Callable[..., Any]:
+    def structure(value: Any, kind: Any) -> Any:
+        if not isinstance(value, expected):
+            raise WrongTypeError(words, value)
+        return inner(value, kind)
+
+    return structure
+
+
+@CONVERTER.register_structure_hook_factory(dataclasses.is_dataclass)
+def _record(kind: Any) -> Callable[..., Any]:
+    return _typed(dict, "an object", make_dict_structure_fn(kind, CONVERTER))
+
+
+@CONVERTER.register_structure_hook_factory(lambda kind: _origin(kind) is dict)
+def _items(kind: Any) -> Callable[..., Any]:
+    return _typed(dict, "an object", mapping_structure_factory(kind, CONVERTER))
+
+
+@CONVERTER.register_structure_hook_factory(lambda kind: _origin(kind) is tuple)
+def _tuple(kind: Any) -> Callable[..., Any]:
+    """All items of a tuple in a record that is read have one type."""
+    item, *more = typing.get_args(kind)
+    length = None if more == [Ellipsis] else 1 + len(more)
+
+    def structure(value: Any, _: Any) -> Any:
+        if length not in (None, len(value)):
+            raise WrongTypeError(f"a list of {length}", value)
+        return tuple(CONVERTER.structure(value, list[item]))  # type: ignore[valid-type]
+
+    return _typed((list, tuple), "a list", structure)
+
+
+@CONVERTER.register_structure_hook_factory(lambda k: isinstance(k, type) and issubclass(k, Named))
+def _by_name(kind: Any) -> Callable[..., Any]:
+    (item,) = typing.get_args(kind.__orig_bases__[0])
+
+    def structure(value: Any, _: Any) -> Any:
+        return kind(CONVERTER.structure(value, dict[str, item]))  # type: ignore[valid-type]
+
+    return _typed(dict, "an object", structure)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from granpinn.physics.laws import DEFAULT, LAWS
-from granpinn.results.determined import NOT_DETERMINED
+from granpinn.results.determined import NOT_DETERMINED, USELESS, half_width
 
 Numbers = tuple[float, ...]
 
@@ -35,7 +35,15 @@ class Curve:
         """mu and its band at the point k, in words."""
         if self.low is None or self.high is None:
             return f"{self.mu[k]:.3f}"
+        if not self.determines(k):
+            return NOT_DETERMINED
         return f"{self.mu[k]:.3f} ({self.low[k]:.3f} to {self.high[k]:.3f})"
+
+    def determines(self, k: int) -> bool:
+        """Whether the band at the point k, if there is one, is narrow enough to mean something."""
+        if self.low is None or self.high is None:
+            return True
+        return half_width((self.low[k], self.high[k])) <= USELESS
 
     @property
     def half_width(self) -> float | None:

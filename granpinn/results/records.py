@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
-from granpinn.results.decoding import OTHERS
+from granpinn.results.decoding import CONVERTER
 from granpinn.results.record import Reason
 
 
@@ -19,6 +20,8 @@ class DataSummary:
         sampled: which parts of a large flow were used for what; None: all of it for all.
         measured_noise: of the vectors, over their rms velocity; None: they are too few to show it.
         independent: number of independent vectors.
+        grain_diameter, density, grain_density: of the material, in the units of the flow file.
+        length_unit, density_unit: of these; None: not stated.
     """
 
     n_points: int
@@ -30,6 +33,11 @@ class DataSummary:
     sampled: str | None = None
     measured_noise: float | None = None
     independent: float | None = None
+    grain_diameter: float | None = None
+    density: float | None = None
+    grain_density: float | None = None
+    length_unit: str | None = None
+    density_unit: str | None = None
 
 
 @dataclass(frozen=True)
@@ -44,7 +52,7 @@ class Members:
     """
 
     seed: tuple[int, ...]
-    values: dict[str, tuple[float, ...]] = field(metadata=OTHERS)
+    values: dict[str, tuple[float, ...]]
     shown: int = 0
     diverged: int = 0
 
@@ -54,6 +62,22 @@ class Members:
             raise ValueError(f"members must have one value each, got {sorted(lengths)}")
         if not 0 <= self.shown < len(self.seed):
             raise ValueError(f"shown must be one of {len(self.seed)} members, got {self.shown}")
+
+
+@CONVERTER.register_unstructure_hook
+def _flat(members: Members) -> dict[str, Any]:
+    """In JSON the values stand beside the seeds."""
+    others = {"seed": members.seed, "shown": members.shown, "diverged": members.diverged}
+    return {name: list(values) for name, values in members.values.items()} | others
+
+
+@CONVERTER.register_structure_hook
+def _from_flat(content: Any, _: Any) -> Members:
+    values = CONVERTER.structure(content, dict[str, Any])
+    seed = CONVERTER.structure(values.pop("seed", ()), tuple[int, ...])
+    shown, diverged = (CONVERTER.structure(values.pop(n, 0), int) for n in ("shown", "diverged"))
+    columns = CONVERTER.structure(values, dict[str, tuple[float, ...]])
+    return Members(seed, columns, shown, diverged)
 
 
 @dataclass(frozen=True)

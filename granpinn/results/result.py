@@ -9,15 +9,16 @@ Format version 4.  A field may be added with a default; any other change needs a
 from __future__ import annotations
 
 import dataclasses
+import os
 from dataclasses import dataclass, field
 from typing import Any, Self
 
 from granpinn.config import LEVELS
 from granpinn.data import Truth
-from granpinn.output import html
-from granpinn.physics.laws import LAWS, Law
+from granpinn.output import html, write_text
+from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.terms import FORMS
-from granpinn.results import brief
+from granpinn.results import brief, export
 from granpinn.results.assessment import Assessment, assess
 from granpinn.results.assumed import Assumed
 from granpinn.results.decoding import encode
@@ -120,7 +121,7 @@ class Result:
         return dataclasses.replace(self, not_done=self.not_done | {part: why})
 
     @property
-    def friction_law(self) -> Law:
+    def friction_law(self) -> FrictionLaw:
         """The law itself: its parameters and its curve."""
         return LAWS[self.law.name]
 
@@ -149,6 +150,22 @@ class Result:
     def __str__(self) -> str:
         """The answer in a few lines, as a terminal shows it at the end of a run (brief.py)."""
         return "\n".join([*brief.lines(self), *self._missing()])
+
+    def export(self, to: str, path: str | os.PathLike[str] | None = None) -> str:
+        """The law as the text of an input file of another program (export.py).
+
+        Args:
+            to: "openfoam", "basilisk", "chrono", or "json".
+            path: file to write; None: none is written.
+
+        Raises:
+            BadInput: the program cannot take this law, or a number is not determined.
+            OutputError: the file cannot be written.
+        """
+        text = export.text_of(self, to)
+        if path is not None:
+            write_text(path, text)
+        return text
 
     def summary(self) -> str:
         """All that is known as text: tables, every check, and the assessment at the end."""

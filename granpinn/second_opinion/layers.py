@@ -16,9 +16,9 @@ import numpy as np
 from granpinn.arrays import Float32, Float64, Floats
 from granpinn.data import Flow
 from granpinn.data.flow import SOLVER_CELL, WALL_GAP
-from granpinn.data.surface_line import line_heights
+from granpinn.data.surface import line_heights
 from granpinn.data.symmetry import same_along_x
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.second_opinion.boundaries import foreign_wall
 from granpinn.simulation.chute import FEWEST_CELLS, STEEPEST, Chute
 from granpinn.simulation.engine import Start, State
@@ -58,7 +58,7 @@ def depth_of(flow: Flow, k: int) -> float:
 def chute_of(
     flow: Flow,
     depth: float,
-    law: Law,
+    law: FrictionLaw,
     theta: Sequence[float],
     cells: int | None,
     wall_friction: float | None = None,

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Float32, Float64
 from granpinn.data import Flow, Truth
-from granpinn.data.flow import SURFACE_SD, Particles, Surface
+from granpinn.data.flow import SURFACE_SD, WINDOW, Particles, Surface
 from granpinn.data.particles import grid_view
 from granpinn.second_opinion.comparison import Nodes, interpolation
 from granpinn.simulation.engine import State
@@ -61,12 +61,14 @@ class Sampler:
     def flow(self) -> Flow:
         """The flow of all frames, with the law of the simulation as its truth."""
         flow, s = self._measured, self.scene
+        # The simulation is sampled at points.
+        attributes = {k: value for k, value in flow.attributes.items() if k != WINDOW}
         surface = None if flow.surface is None else _joined(Surface, self._lines)
         changed: dict[str, Any] = {
             "p": None,
             "surface": surface,
             "truth": Truth(law=s.law, **dict(zip(s.friction_law.names, s.theta, strict=True))),
-            "attributes": flow.attributes | {SURFACE_SD: 0.0},
+            "attributes": attributes | {SURFACE_SD: 0.0},
             "sha256": "",
             "path": None,
         }

@@ -18,7 +18,7 @@ from granpinn.arrays import Bool
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.data.flow import SOLVER_CELL, WALL_GAP
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.second_opinion import layers
 from granpinn.second_opinion.boundaries import foreign_wall
 from granpinn.second_opinion.limits import MOST_CELLS, require_few_cells, require_few_steps
@@ -146,7 +146,7 @@ def cells_of(flow: Flow, column: GrainColumn) -> int:
 def collapse_of(
     flow: Flow,
     column: GrainColumn,
-    law: Law,
+    law: FrictionLaw,
     theta: Sequence[float],
     cells: int | None,
     wall_friction: float | None = None,
@@ -194,7 +194,7 @@ def collapse_of(
 
 def scene_of(
     flow: Flow,
-    law: Law,
+    law: FrictionLaw,
     theta: Sequence[float],
     cells: int | None = None,
     wall_friction: float | None = None,

@@ -27,7 +27,7 @@ from scipy.ndimage import binary_dilation
 from granpinn.arrays import Float64
 from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.second_opinion import layers, scenes
 from granpinn.second_opinion.boundaries import foreign_wall
 from granpinn.second_opinion.comparison import Nodes, interpolation
@@ -64,7 +64,7 @@ class Pressures(NamedTuple):
 
 def at_frames(
     flow: Flow,
-    law: Law,
+    law: FrictionLaw,
     theta: Sequence[float],
     velocity: Velocity,
     frames: int,
@@ -148,7 +148,7 @@ def in_layer(flow: Flow, k: int, chute: Chute, velocity: Velocity) -> Float64:
 def layer_in(
     flow: Flow,
     k: int,
-    law: Law,
+    law: FrictionLaw,
     theta: Sequence[float],
     cells: int | None,
     wall_friction: float | None = None,
@@ -161,7 +161,7 @@ def layer_in(
 def collapse_over(
     flow: Flow,
     frames: list[int],
-    law: Law,
+    law: FrictionLaw,
     theta: Sequence[float],
     cells: int | None,
     wall_friction: float | None = None,

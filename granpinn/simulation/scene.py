@@ -21,7 +21,7 @@ from granpinn.config.fields import settings_of
 from granpinn.config.values import typed
 from granpinn.data.flow import Walls as WallLines
 from granpinn.physics.law_values import CompleteLaw
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 
 # The paper's column: 10 high and 1 wide under g = 1, with eta_max = 1e4 and air of 1e-4.
 PAPER_HEIGHT = 10.0
@@ -258,7 +258,9 @@ def chunk_of(cells: int) -> int:
     return chunk
 
 
-def law_settings(law: Law, theta: Sequence[float], cohesion: float | None = None) -> dict[str, Any]:
+def law_settings(
+    law: FrictionLaw, theta: Sequence[float], cohesion: float | None = None
+) -> dict[str, Any]:
     """Keyword arguments of a `Scene` for this friction law with the parameters theta [N].
 
     Args:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from granpinn.config import Config
 from granpinn.identification.batch import identify_many
-from granpinn.physics.laws import LAWS, Law
+from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.results import Result
 from granpinn.tables.paper import NOISY_CASE, case_of
 from granpinn.tables.rows import TableCase, TableRow, row_of
@@ -37,7 +37,7 @@ class Study:
     total_s: float
 
     @property
-    def law(self) -> Law:
+    def law(self) -> FrictionLaw:
         return LAWS[self.config.law]
 
     @property

@@ -29,13 +29,13 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor
 
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 
 PARTS = 4  # of the range of x, of y and of t, for the blocks
 LEAST, MOST, COUNT = 1e-2, 1e10, 121  # values of lambda
 
 
-def differences(law: Law, like: Tensor) -> Tensor:
+def differences(law: FrictionLaw, like: Tensor) -> Tensor:
     """The second differences D [R, L] of the curve among the L free parameters of a law; R may be
     0."""
     where = [law.free.index(name) for name in law.curve]

@@ -29,7 +29,7 @@ import torch
 from torch import Tensor
 
 from granpinn.physics.constants import Physics
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.rheology import inertial_number
 
 SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in training
@@ -42,7 +42,7 @@ DEPENDS = [[0, 1, 2, 3, 4], [0, 1, 2, 3, 4], [0, 1], [0, 1, 2, 3], [0, 1, 2, 4]]
 
 
 def residuals(
-    z: Tensor, theta: Tensor, physics: Physics, law: Law, source: Tensor | None = None
+    z: Tensor, theta: Tensor, physics: Physics, law: FrictionLaw, source: Tensor | None = None
 ) -> tuple[Tensor, Tensor]:
     """Residuals of the equations (e_u, e_v, e_c, r_1, r_2) [N, 5] and the weights w [N] of the law.
 
@@ -84,7 +84,7 @@ def _inertial_number(gamma_dot: Tensor, p: Tensor, physics: Physics) -> Tensor:
     return inertial_number(gamma_dot, p, physics.grain_diameter, physics.pressure_floor)
 
 
-def ill_posed(I: Tensor, theta: Tensor, law: Law) -> Tensor:
+def ill_posed(I: Tensor, theta: Tensor, law: FrictionLaw) -> Tensor:
     """How far the law is ill-posed, 0 to 1 [N], without a gradient."""
     C: Tensor = law.ill_posedness(I, theta.unbind(1))
     return (C / CERTAIN).clamp(0, 1).detach()

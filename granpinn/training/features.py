@@ -16,11 +16,13 @@ class Features:
 
     Args:
         params: of the network [P], on the device to work on.
+        window: side of the squares over which each vector is a mean, 0 for values at points.
     """
 
-    def __init__(self, spec: NetworkSpec, params: Tensor) -> None:
+    def __init__(self, spec: NetworkSpec, params: Tensor, window: float = 0.0) -> None:
         n, last = spec.widths[-2], layer_offsets(spec.widths)[-1]
         identity = torch.eye(n, dtype=torch.float64, device=params.device).flatten()
+        self._window = window
         self._params = torch.cat([params[:last].double(), identity, identity.new_zeros(n)])
         self._network = ([*spec.widths[:-1], n], list(spec.input_shift), list(spec.input_scale))
 
@@ -31,6 +33,17 @@ class Features:
         one[0] = 1
         return torch.cat([h, one], 2)
 
+    def of_vectors(self, points: Tensor) -> Tensor:
+        """h [N, F] as vectors measure it: its mean over the window around each point.
+
+        The mean of four points at +-window/sqrt(12) in x and y, to second order h + w^2/24 (h_xx +
+        h_yy), is that over the square.
+        """
+        if self._window == 0:
+            return self.jet(points, 0)[0]
+        corners = _corners(points, self._window / math.sqrt(12))
+        return torch.stack([self.jet(points + corner, 0)[0] for corner in corners]).mean(0)
+
     def with_means(self, points: Tensor, length: float) -> Tensor:
         """The jet of order 1 and the means of its derivatives by x and y: [6, N, F].
 
@@ -40,10 +53,14 @@ class Features:
         if length == 0:
             here = self.jet(points)
             return torch.cat([here, here[1:3]])
-        a = length / math.sqrt(2)
-        shifts = points.new_tensor([[i * a, j * a, 0] for i in (1, -1) for j in (1, -1)])
-        around = torch.stack([self.jet(points + shift)[1:3] for shift in shifts])
+        corners = _corners(points, length / math.sqrt(2))
+        around = torch.stack([self.jet(points + corner)[1:3] for corner in corners])
         return torch.cat([self.jet(points), around.mean(0)])
+
+
+def _corners(points: Tensor, a: float) -> Tensor:
+    """(+-a, +-a, 0) [4, 3]."""
+    return points.new_tensor([[i * a, j * a, 0] for i in (1, -1) for j in (1, -1)])
 
 
 def coefficients(spec: NetworkSpec, params: Tensor) -> Tensor:

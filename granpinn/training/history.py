@@ -22,12 +22,12 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.errors import BadInput
 from granpinn.output import OutputError, naming, objection_to_file
-from granpinn.physics.laws import DEFAULT, Law
+from granpinn.physics.laws import DEFAULT, FrictionLaw
 from granpinn.physics.terms import NAMES
 from granpinn.regular import read_text
 
 
-def columns(law: Law) -> tuple[str, ...]:
+def columns(law: FrictionLaw) -> tuple[str, ...]:
     """The columns of history.csv for a friction law."""
     return ("step", "wall_s", "loss", *NAMES, *law.names, "learning_rate")
 
@@ -43,7 +43,7 @@ class Row:
         parameters: theta, one for each of `law.names`.
     """
 
-    law: Law = field(repr=False)
+    law: FrictionLaw = field(repr=False)
     step: int
     wall_s: float
     loss: float
@@ -52,7 +52,7 @@ class Row:
     learning_rate: float
 
     @classmethod
-    def of(cls, law: Law, values: Iterable[float]) -> Row:
+    def of(cls, law: FrictionLaw, values: Iterable[float]) -> Row:
         """The row with these values in the order of `columns`."""
         step, wall_s, loss, *rest, rate = values
         terms, parameters = tuple(rest[: len(NAMES)]), tuple(rest[len(NAMES) :])
@@ -80,7 +80,7 @@ class HistoryFileError(BadInput):
 class History:
     """The rows of a run, in memory and, where there is a run folder, in its history.csv."""
 
-    def __init__(self, path: Path | None, law: Law) -> None:
+    def __init__(self, path: Path | None, law: FrictionLaw) -> None:
         self.rows: list[Row] = []
         self.law = law
         self.path = path
@@ -158,7 +158,7 @@ class History:
         self._sha256.update(content)
 
 
-def _rows(content: bytes, law: Law) -> list[Row]:
+def _rows(content: bytes, law: FrictionLaw) -> list[Row]:
     """The rows of a history.csv; ValueError: it holds something else."""
     try:
         header, *lines = csv.reader(io.StringIO(content.decode()))
@@ -169,7 +169,7 @@ def _rows(content: bytes, law: Law) -> list[Row]:
         raise ValueError(str(error)) from None
 
 
-def read_history(path: Path, law: Law = DEFAULT) -> dict[str, Float64]:
+def read_history(path: Path, law: FrictionLaw = DEFAULT) -> dict[str, Float64]:
     """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
     names = columns(law)
     try:

@@ -48,6 +48,7 @@ def of_member(member: Member) -> dict[str, Any]:
     found |= {
         "weights": problem.term_weights,
         "length of means": problem.mean_length,
+        "window": problem.window,
         "input shift": problem.spec.input_shift,
         "input scale": problem.spec.input_scale,
     }

@@ -58,7 +58,7 @@ def information(member: Member, params: Tensor, theta: Tensor, step: int) -> Inf
     Args:
         member, params, theta, step: as for `last_layer.last_layer`, after that step.
     """
-    features = Features(member.problem.spec, params)
+    features = Features(member.problem.spec, params, member.problem.window)
     points = choose(member.data, features, member.seed, step)
     theta, law = theta.double(), member.law
     if law is free.LAW:

@@ -92,7 +92,7 @@ def last_layer(
         until: time.monotonic() after which no further step is made.
     """
     spec = member.problem.spec
-    features = Features(spec, params)
+    features = Features(spec, params, member.problem.window)
     points = choose(member.data, features, member.seed, step)
     sums = Sums(features, member.problem, member.law, points)
     found = iterate(sums, Unknowns(coefficients(spec, params), theta.double()), until)

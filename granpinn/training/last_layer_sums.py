@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from granpinn.data import TrainingSet
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.terms import NAMES, RESIDUALS
 from granpinn.training import curve_prior
 from granpinn.training.boxes import Boxes
@@ -90,7 +90,7 @@ def velocity_moments(
     """Weighted means of h h^T [F, F], v h^T [2, F] and v^2 [2]: they determine the misfit."""
     parts = []
     for rows in chunks(points):
-        h = features.jet(points[rows], 0)[0]
+        h = features.of_vectors(points[rows])
         weighted = weights[rows, None] * velocity[rows]
         own = ((h * weights[rows, None]).T @ h, weighted.T @ h, (weighted * velocity[rows]).sum(0))
         parts.append(own)
@@ -110,7 +110,7 @@ class Sums:
         velocity_weight: of the mean square of U z - velocity over U^2, U the scale of the velocity.
     """
 
-    def __init__(self, features: Features, problem: Problem, law: Law, data: Data) -> None:
+    def __init__(self, features: Features, problem: Problem, law: FrictionLaw, data: Data) -> None:
         self.physics, self.law, self.data, self.features = problem.physics, law, data, features
         self.free = [k for k, p in enumerate(law.parameters) if not p.fixed]
         length = problem.mean_length
@@ -151,7 +151,7 @@ class Sums:
         over U [n, 2] and its weight in the loss [n, 1]."""
         points, velocity, weights = self.data.measured
         for rows in chunks(points):
-            h = self.features.jet(points[rows], 0)[0]
+            h = self.features.of_vectors(points[rows])
             e = h @ at.C[:2].T - velocity[rows] / self.physics.velocity_scale
             yield rows, h, e, self.velocity_weight / len(points) * weights[rows, None]
 

@@ -22,7 +22,7 @@ from torch import Tensor
 
 from granpinn.config import Rheology
 from granpinn.kernels import step_ops
-from granpinn.physics.laws import Law, LawParameter
+from granpinn.physics.laws import FrictionLaw, LawParameter
 
 NO_BOUNDS = (-math.inf, math.inf)
 _DRAW = (0.05, 0.95)  # range of a start that is drawn at random
@@ -47,7 +47,7 @@ class LawVariables:
 
     def __init__(
         self,
-        laws: Sequence[Law],
+        laws: Sequence[FrictionLaw],
         settings: Rheology,
         fixed: Sequence[Mapping[str, float]],
         seeds: Sequence[int],
@@ -112,7 +112,7 @@ def _q_of(kinds: Sequence[str], theta: Sequence[float]) -> list[float]:
     return q
 
 
-def start_of(law: Law, settings: Rheology, seed: int) -> list[float]:
+def start_of(law: FrictionLaw, settings: Rheology, seed: int) -> list[float]:
     """Values of the free parameters at the start, in order; random ones are ascending."""
     if settings.start is not None:
         return list(settings.start)
@@ -123,7 +123,7 @@ def start_of(law: Law, settings: Rheology, seed: int) -> list[float]:
     return sorted((_DRAW[0] + (_DRAW[1] - _DRAW[0]) * draws).tolist())
 
 
-def relative_change(law: Law, before: Tensor, after: Tensor) -> float:
+def relative_change(law: FrictionLaw, before: Tensor, after: Tensor) -> float:
     """The largest relative change of a free parameter, or of a curve over its range of I.
 
     Args:

@@ -22,7 +22,7 @@ from granpinn.training.guard import NonFiniteError, require_finite
 from granpinn.training.history import History, Row, median
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes
-from granpinn.training.progress import Progress
+from granpinn.training.progress import LAST_LAYER, Progress
 from granpinn.training.schedule import Schedule
 from granpinn.training.state import RunState
 from granpinn.training.trainer import Trainer
@@ -176,6 +176,7 @@ class TrainingLoop:
         if self.limit is not None:
             pace = (time.monotonic() - self.started) / max(1, trainer.step)
             until = self.limit._replace(steps=0.0).deadline(pace)
+        self.progress.stage(LAST_LAYER)
         trainer.solve_last_layer(until)
         self.wall_s = self.before + time.monotonic() - self.started
 

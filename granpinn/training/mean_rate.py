@@ -27,7 +27,7 @@ def mean_length(member: Member, params: Tensor, theta: Tensor, step: int) -> flo
     The arguments are those of `last_layer`.
     """
     spec, problem = member.problem.spec, member.problem
-    features = Features(spec, params)
+    features = Features(spec, params, problem.window)
     data = choose(member.data, features, member.seed, step, FEWER)
     at = Unknowns(coefficients(spec, params), theta.double())
     of_points = dataclasses.replace(problem, mean_length=0.0)

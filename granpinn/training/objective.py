@@ -15,7 +15,9 @@ from torch import Tensor
 
 from granpinn.config import Batch, ConfigError
 from granpinn.data import Flow, TrainingSet
-from granpinn.physics.laws import Law
+from granpinn.kernels.step_ops import Draw
+from granpinn.physics.laws import FrictionLaw
+from granpinn.physics.terms import LossPoints
 from granpinn.training.control_table import ControlTable
 from granpinn.training.operators import operators_of
 from granpinn.training.problem import Problem
@@ -37,7 +39,7 @@ class Member:
     problem: Problem
     data: TrainingSet
     seed: int
-    law: Law
+    law: FrictionLaw
     fixed: Mapping[str, float]
     flow: Flow | None = None
 
@@ -62,6 +64,8 @@ class Objective:
         laws: the friction law of each member.
         operators: the operators for these laws.
         distinct: training sets of the members, each once.
+        pool: the points of all sets, one after another on the device; the source is 0 for sets
+            without one, None if no set has one.
         share: (k, K): this process draws part k of every batch, which has K equal parts.
         precision: of the products on a GPU, "fp32" or "fast" (granpinn.kernels.ops.residual_loss).
     """
@@ -76,11 +80,11 @@ class Objective:
     ) -> None:
         self.members = list(members)
         self.precision = precision
-        self.spec, self.laws = members[0].problem.spec, [m.law for m in members]
+        self.laws = [m.law for m in members]
         names = [law.name for law in self.laws]
         self._law_names = ",".join(names if len(set(names)) > 1 else names[:1])
         self.operators = operators_of(self.laws)
-        if any(m.problem.spec.widths != self.spec.widths for m in members):
+        if len({m.problem.spec.widths for m in members}) > 1:
             raise ValueError("members of one run must have networks of the same widths")
         self.distinct, self.set_of = _distinct(members)
         self.sets = [s.pooled() for s in self.distinct]
@@ -97,37 +101,32 @@ class Objective:
             surface=batch.surface // parts if has_surface else 0,
         )
 
-        self.source = self._sources(device)
-        self.points = self._moved("points", device)
-        self.velocity = self._moved("velocity", device)
-        self.point_weights = self._moved("point_weights", device)
-        self.surface_points = self._moved("surface_points", device)
-        self.surface_pressure = self._moved("surface_pressure", device)
+        if any(s.source is not None for s in self.sets):
+            self.sets = [
+                s if s.source is not None else replace(s, source=torch.zeros_like(s.velocity))
+                for s in self.sets
+            ]
+        self.pool = LossPoints._make(self._moved(name, device) for name in LossPoints._fields)
         self.seeds = torch.tensor([m.seed for m in members], device=device)
         self.places = torch.tensor(self._places(), device=device)
-        like = self.points
-        self.term_weights = like.new_tensor([m.problem.term_weights for m in members])
-        self.input_shift = like.new_tensor([m.problem.spec.input_shift for m in members])
-        self.input_scale = like.new_tensor([m.problem.spec.input_scale for m in members])
-        self.physics = like.new_tensor([m.problem.physics for m in members])
+        constant = self.pool.points.new_tensor
+        self.term_weights = constant([m.problem.term_weights for m in members])
+        self.spec = replace(
+            members[0].problem.spec,
+            input_shift=constant([m.problem.spec.input_shift for m in members]),
+            input_scale=constant([m.problem.spec.input_scale for m in members]),
+        )
+        self.physics = constant([m.problem.physics for m in members])
 
-    def _moved(self, name: str, device: torch.device) -> Tensor:
+    def _moved(self, name: str, device: torch.device) -> Tensor | None:
         """An array of all sets, one after another on the device; each set has its part of it."""
         every = [getattr(s, name) for s in self.sets]
+        if every[0] is None:
+            return None
         whole = (every[0] if len(every) == 1 else torch.cat(every)).to(device).contiguous()
         parts = whole.split([len(own) for own in every])
         self.sets = [replace(s, **{name: p}) for s, p in zip(self.sets, parts, strict=True)]
         return whole
-
-    def _sources(self, device: torch.device) -> Tensor | None:
-        """The source term at all points, 0 for sets without one; None if no set has one."""
-        if all(s.source is None for s in self.sets):
-            return None
-        self.sets = [
-            replace(s, source=torch.zeros_like(s.velocity)) if s.source is None else s
-            for s in self.sets
-        ]
-        return self._moved("source", device)
 
     def _places(self) -> list[list[int]]:
         """[First point, points, first surface point, surface points] of every member."""
@@ -150,14 +149,10 @@ class Objective:
 
     def tensors(self) -> dict[str, Tensor]:
         """The data by name, for the check that they are finite."""
-        source = {} if self.source is None else {"source": self.source}
-        return source | {
-            "points": self.points,
-            "velocities": self.velocity,
-            "weights": self.point_weights,
-            "surface points": self.surface_points,
-            "surface pressures": self.surface_pressure,
-        }
+        *data, source = self.pool
+        names = ("points", "velocities", "weights", "surface points", "surface pressures")
+        found = {} if source is None else {"source": source}
+        return found | dict(zip(names, data, strict=True))
 
     def evaluate(
         self, control: ControlTable, params: Tensor, theta: Tensor, prefit: bool
@@ -170,42 +165,37 @@ class Objective:
             prefit: the loss of the velocity alone, without equations and surface; it needs no
                 derivatives of the network.
         """
-        return Evaluation(
-            *self.operators.batch_loss(
+        losses = self.operators.batch_loss(
+            params,
+            theta,
+            Draw(
                 control.counter,
                 control.table,
                 self.seeds,
                 self.places,
-                self.points,
-                self.velocity,
-                self.point_weights,
-                self.surface_points,
-                self.surface_pressure,
+                self.pool,
                 self.term_weights,
                 self.batch.interior,
                 0 if prefit else self.batch.surface,
                 self.share,
-                params,
-                theta,
-                self.spec.widths,
-                self.input_shift,
-                self.input_scale,
-                self.physics,
-                "data" if prefit else self.spec.form,
-                self._law_names,
-                self.precision,
-                self.source,
-            )
+            ),
+            self.spec,
+            self.physics,
+            self._law_names,
+            precision=self.precision,
+            equations=not prefit,
         )
+        return Evaluation(*losses)
 
     def misfit(self, step: int, params: Tensor, theta: Tensor) -> list[float]:
         """The rms misfit of one velocity component over many points, of every member."""
         squares = []
         for e, member in enumerate(self.members):
-            data = self.data(e)
+            data = self.data(e).loss_points
             count = min(MISFIT_POINTS, len(data.points))
             i = draw(member.seed, step, MISFIT, count, data.points)
-            squares.append(self.terms(e, params[e], theta[e], data, i, slice(0), "data")[0])
+            batch = data.at(i, slice(0))
+            squares.append(self.terms(e, params[e], theta[e], batch, equations=False)[0])
         return [math.sqrt(square) for square in torch.stack(squares).tolist()]
 
     def terms(
@@ -213,34 +203,25 @@ class Objective:
         member: int,
         params: Tensor,
         theta: Tensor,
-        data: TrainingSet,
-        inside: Tensor,
-        surface: Tensor | slice,
-        form: str,
+        batch: LossPoints,
+        equations: bool = True,
     ) -> Tensor:
         """The terms of the loss of one member over some of its points.
 
         Args:
             params, theta: of this member, [P] and [N].
-            data: its points, `data(member)`; `inside` and `surface` choose some of them.
-            form: of the residuals, or "data" for the velocity alone.
+            equations: without them, the velocity and the surface only.
         """
+        law = self.laws[member]
         found: tuple[Tensor, ...] = self.operators.residual_loss(
             params,
-            theta[: len(self.laws[member].parameters)],
-            data.points[inside],
-            data.velocity[inside],
-            data.point_weights[inside],
-            data.surface_points[surface],
-            data.surface_pressure[surface],
+            theta[: len(law.parameters)],
+            batch,
             self.term_weights[member],
-            self.spec.widths,
-            self.input_shift[member],
-            self.input_scale[member],
+            self.members[member].problem.spec,
             self.physics[member],
-            form,
-            self.laws[member].name,
-            source=None if data.source is None else data.source[inside],
+            law.name,
+            equations=equations,
         )
         return found[1]
 

@@ -8,19 +8,18 @@ arguments and results are the same, so there is one training for both.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
 from granpinn import reference
-from granpinn.kernels import (
-    ops,
-    step_ops,  # noqa: F401
-)
+from granpinn.kernels import ops, step_ops
+from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.constants import Physics
-from granpinn.physics.laws import LAWS, Law
-from granpinn.physics.terms import NAMES, RESIDUALS
+from granpinn.physics.laws import LAWS, FrictionLaw
+from granpinn.physics.terms import NAMES, RESIDUALS, LossPoints
 from granpinn.training.equations import residuals
 
 _ops = torch.ops.granpinn
@@ -43,7 +42,7 @@ class Operators(NamedTuple):
     captured: bool
 
 
-def operators_of(laws: Sequence[Law]) -> Operators:
+def operators_of(laws: Sequence[FrictionLaw]) -> Operators:
     """The operators for the laws of the members of one run.
 
     Raises:
@@ -57,41 +56,28 @@ def operators_of(laws: Sequence[Law]) -> Operators:
 
 
 def batch_loss(
-    counter: Tensor,
-    table: Tensor,
-    seeds: Tensor,
-    places: Tensor,
-    points: Tensor,
-    velocity: Tensor,
-    point_weights: Tensor,
-    surface_points: Tensor,
-    surface_pressure: Tensor,
-    term_weights: Tensor,
-    interior: int,
-    surface: int,
-    share: int,
     params: Tensor,
     theta: Tensor,
-    widths: Sequence[int],
-    input_shift: Tensor,
-    input_scale: Tensor,
+    draw: step_ops.Draw,
+    spec: NetworkSpec,
     physics: Tensor,
-    form: str,
     law: str,
+    *,
     precision: str,
-    source: Tensor | None = None,
+    equations: bool,
 ) -> Losses:
-    """`residual_loss` of every member [E, ...] over the batch that `draw_batch` draws."""
-    data = (points, velocity, point_weights, surface_points, surface_pressure, term_weights)
-    sizes = (interior, surface, share)
-    *batch, force = _ops.draw_batch(counter, table, seeds, places, *data, *sizes, source)
+    """As `granpinn.kernels.step_ops.batch_loss`; `precision` has no effect."""
+    *control, (*data, source), weights, interior, surface, share = draw
+    *drawn, term_weights, force = _ops.draw_batch(
+        *control, *data, weights, interior, surface, share, source
+    )
+    batch = LossPoints._make([*drawn, None if source is None else force])
     found = []
-    loss_of: Operator = residual_loss
     for e in range(len(params)):
-        own: list[Any] = [params[e], theta[e], *(part[e] for part in batch), widths]
-        own += [input_shift[e], input_scale[e], physics[e]]
-        drawn = None if source is None else force[e]
-        found.append(loss_of(*own, form, law, precision, drawn))
+        shift, scale = (torch.as_tensor(x)[e] for x in (spec.input_shift, spec.input_scale))
+        own = replace(spec, input_shift=shift, input_scale=scale)
+        at = (params[e], theta[e], batch.member(e), term_weights[e], own, physics[e], law)
+        found.append(residual_loss(*at, equations=equations))
     loss, terms, grad_params, grad_theta = (torch.stack(part) for part in zip(*found, strict=True))
     return loss, terms, grad_params, grad_theta
 
@@ -99,43 +85,40 @@ def batch_loss(
 def residual_loss(
     params: Tensor,
     theta: Tensor,
-    points: Tensor,
-    velocity: Tensor,
-    point_weights: Tensor,
-    surface_points: Tensor,
-    surface_pressure: Tensor,
+    batch: LossPoints,
     term_weights: Tensor,
-    widths: Sequence[int],
-    input_shift: Tensor,
-    input_scale: Tensor,
-    physics: Tensor,
-    form: str,
+    spec: NetworkSpec,
+    physics: ops.Constants,
     law: str,
-    precision: str = "fp32",
-    source: Tensor | None = None,
+    *,
+    equations: bool = True,
 ) -> Losses:
-    """Loss, terms and gradients of one member of the mixed form, or of form "data", in torch.
+    """Loss, terms and gradients of one member of the mixed form, in torch.
 
-    Everything as in `granpinn.kernels.ops.residual_loss`; `precision` has no effect.
+    Everything as in `granpinn.kernels.ops.residual_loss`.
     """
-    network = (widths, input_shift.tolist(), input_scale.tolist())
-    constants = Physics(*physics.tolist())
+    shift, scale, numbers = (
+        torch.as_tensor(values, dtype=params.dtype).tolist()
+        for values in (spec.input_shift, spec.input_scale, physics)
+    )
+    network, constants = (spec.widths, shift, scale), Physics(*numbers)
+    points, velocity, point_weights, surface_points, surface_pressure, source = batch
     with torch.enable_grad():
         leaves = params.detach().requires_grad_(), theta.detach().requires_grad_()
-        jet = ops.network_jet(points, leaves[0], *network, 0 if form == "data" else 1)
+        jet = ops.network_jet(points, leaves[0], *network, int(equations))
         misfit = constants.velocity_scale * jet[0, :, :2] - velocity
         at_surface = ops.network_value(surface_points, leaves[0], *network)[:, 2]
         p = constants.pressure_scale * torch.nn.functional.softplus(at_surface)
         terms = dict.fromkeys(NAMES, misfit.new_zeros(()))
         terms["velocity"] = _half_mean(point_weights[:, 0], misfit)
         terms["surface"] = _half_mean(torch.ones_like(p), (p - surface_pressure)[:, None])
-        if form != "data":
+        if equations:
             # The means of the strain rate are those at the point itself.
             z = torch.cat([jet, jet[1:3]])
             at_points = leaves[1].expand(len(points), -1)
             e, _ = residuals(z, at_points, constants, LAWS[law], source)
-            for name in dict.fromkeys(RESIDUALS[form]):
-                columns = [k for k, term in enumerate(RESIDUALS[form]) if term == name]
+            for name in dict.fromkeys(RESIDUALS[spec.form]):
+                columns = [k for k, term in enumerate(RESIDUALS[spec.form]) if term == name]
                 terms[name] = _half_mean(point_weights[:, 1], e[:, columns])
         found = torch.stack(list(terms.values()))
         loss = (term_weights * found).sum()
@@ -171,6 +154,6 @@ def _half_mean(weights: Tensor, vectors: Tensor) -> Tensor:
 
 
 COMPILED = Operators(
-    _ops.batch_loss, ops.residual_loss, ops.viscosity, ops.strong_residual, captured=True
+    step_ops.batch_loss, ops.residual_loss, ops.viscosity, ops.strong_residual, captured=True
 )
 IN_TORCH = Operators(batch_loss, residual_loss, viscosity, strong_residual, captured=False)

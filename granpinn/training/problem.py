@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 from granpinn.config import Config
 from granpinn.data import Flow, TrainingSet
-from granpinn.data.flow import SOLVER_CELL, SOLVER_MEAN, WALL_GAP
-from granpinn.data.scaling import material_of, side_wall_of
+from granpinn.data.flow import SOLVER_CELL, SOLVER_MEAN, WALL_GAP, WINDOW
+from granpinn.data.scaling import equation_constants, side_wall_of
 from granpinn.data.symmetry import axes_of, words
 from granpinn.estimates.facts import Facts
 from granpinn.kernels.network import OUTPUTS, NetworkSpec
@@ -31,6 +31,7 @@ class Problem:
         term_weights: 1/sigma^2 of each of the `TERMS`.
         mean_length: of the mean strain rate of shear bands (`equations.py`).
         noise: of the vectors, where the training follows it.
+        window: side of the squares over which each vector is a mean; 0: it is a value at a point.
         pressure_unit: the dimensionless pressure 1 in the units of the flow file.
     """
 
@@ -40,6 +41,7 @@ class Problem:
     mean_length: float
     noise: VelocityNoise = NO_NOISE
     pressure_unit: float = 1.0
+    window: float = 0.0
 
     def velocity_factor(self, misfit: float) -> float:
         """Factor on the weight of the velocity, from the misfit of the pre-fit."""
@@ -68,7 +70,7 @@ def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
         U_out = float(data.velocity.square().mean().sqrt()) or 1.0
         P_out = config.network.pressure_scale
     scale = [0.0 if same else f for same, f in zip(facts.invariant, scale, strict=True)]
-    material = material_of(flow, scales)
+    material = equation_constants(flow, scales)
     sigmas = sigmas_of(config, scales, facts)
     g_x, g_y = axes_of(flow).gravity
     between_walls = flow.stated(WALL_GAP) is not None
@@ -94,6 +96,7 @@ def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
         mean_length_of(flow) / scales.length,
         VelocityNoise.of(facts, len(data.points)) if config.weights.follow_noise else NO_NOISE,
         scales.pressure,
+        (flow.stated(WINDOW) or 0.0) / scales.length,
     )
 
 

@@ -22,15 +22,15 @@ from granpinn.terminal import visible
 from granpinn.training.history import Row
 from granpinn.training.time_limit import slowness
 
-# Seconds between updates: of plain lines, in a terminal, in a notebook.
-LINE_EVERY, BAR_EVERY, UPDATE_EVERY = 10.0, 0.2, 0.5
+LAST_LAYER = "last layer"  # the stage that ends a training
+LINE_EVERY, UPDATE_EVERY = 10.0, 0.5  # seconds between updates: of plain lines, in a notebook
 
 
 class Stage(NamedTuple):
     """What follows a training, and the time that it is expected to take.
 
     Attributes:
-        seconds: on two idle cores; a busy machine takes longer (time_limit.py).
+        seconds: on two idle cores.
         steps: in addition, in steps of the training.
         share: in addition, of the time of the training.
     """
@@ -39,11 +39,6 @@ class Stage(NamedTuple):
     seconds: float = 0.0
     steps: float = 0.0
     share: float = 0.0
-
-    def expected(self, pace: float, training: float, members: int) -> float:
-        """The expected time after a training of `training` seconds, `pace` seconds a step."""
-        busy = slowness(pace / members)
-        return self.seconds * busy + self.steps * pace + self.share * training
 
 
 class Progress:
@@ -92,9 +87,11 @@ class Shown(Silent):
         self.until: float | None = None
         self.stages: list[tuple[Stage, float]] = []  # the present one, with its first moment
         self.name, self.text = "fit", ""
-        self.times: list[tuple[int, float]] = []  # steps and their moments, while it trains
+        # While it trains: steps, their moments, and the time of all cores until then.
+        self.times: list[tuple[int, float, float]] = []
         self.first: float | None = None
         self.fit = self.pace = 0.0  # seconds of the training, and of a step
+        self.busy = 1.0  # how much longer the stages take than on two idle cores
         self.members = 1
 
     def plan(self, stages: Sequence[Stage], until: float | None, members: int) -> None:
@@ -105,7 +102,7 @@ class Shown(Silent):
     def start(self, total: int, done: int) -> None:
         now = time.monotonic()
         self.first = now if self.first is None else self.first
-        self.steps, self.times = total, [(done, now)]
+        self.steps, self.times = total, [(done, now, time.process_time())]
         self.name = self.name if self.stages else "fit"
         self.update()
 
@@ -114,9 +111,12 @@ class Shown(Silent):
 
     def show(self, row: Row) -> None:
         now = time.monotonic()
-        self.times.append((row.step, now))
+        self.times.append((row.step, now, time.process_time()))
+        self._measure()
         self.text = describe(row)
-        self._due(now, row.step >= self.steps)
+        if row.step >= self.steps or now - self.updated >= self.every:
+            self.updated = now
+            self.update()
 
     def stage(self, name: str) -> None:
         now = time.monotonic()
@@ -129,8 +129,6 @@ class Shown(Silent):
         self.update()
 
     def stop(self) -> None:
-        if len(self.times) > 1:
-            self.fit = self.times[-1][1] - self.times[0][1]
         self.times = []
         if not self.later:
             self.name, self.stages = "done", []
@@ -138,15 +136,11 @@ class Shown(Silent):
     def update(self) -> None:
         """Show `line`, `done` and `left`."""
 
-    def _due(self, now: float, must: bool) -> None:
-        if must or now - self.updated >= self.every:
-            self.updated = now
-            self.update()
-
     @property
     def where(self) -> str:
         """The stage, with the step of a training."""
-        return f"{self.name} {self.times[-1][0]}/{self.steps}" if self.times else self.name
+        times = self.times  # rich looks from another thread
+        return f"{self.name} {times[-1][0]}/{self.steps}" if times else self.name
 
     @property
     def line(self) -> str:
@@ -156,35 +150,43 @@ class Shown(Silent):
     @property
     def words(self) -> str:
         """The time left, where a step shows it."""
-        left = self.left  # finds the pace too
-        return f"{duration(left)} left" if self.pace and self.name != "done" else ""
+        return f"{duration(self.left)} left" if self.pace and self.name != "done" else ""
 
     @property
     def done(self) -> float:
         """The part of the time of the whole run that has passed."""
-        left = self.left
         if self.first is None or not self.pace:
             return 0.0
         passed = time.monotonic() - self.first
-        return passed / max(passed + left, 1e-9)
+        return passed / max(passed + self.left, 1e-9)
 
     @property
     def left(self) -> float:
         """The expected seconds to the end of the last stage."""
-        now, training = time.monotonic(), 0.0
-        if len(self.times) > 1:
-            step, moment = self.times[-1]
-            # Steps of the pre-fit are quicker: the later half of the steps shows the pace.
-            middle = (self.times[0][0] + step) // 2
-            since = max(t for t in self.times[:-1] if t[0] <= middle)
-            self.pace = (moment - since[1]) / max(1, step - since[0])
-            training = max(0.0, self.pace * (self.steps - step) - (now - moment))
-            self.fit = moment - self.times[0][1] + training
-        known = (self.pace, self.fit, self.members)
-        left = training + sum(stage.expected(*known) for stage in self.later)
-        for stage, begun in () if self.times else self.stages:
-            left += max(0.0, stage.expected(*known) - (now - begun))
+        now, times, training = time.monotonic(), self.times, 0.0
+        if times:
+            training = max(0.0, self.pace * (self.steps - times[-1][0]) - (now - times[-1][1]))
+        left = training + sum(map(self._expected, self.later))
+        for stage, begun in () if times else self.stages:
+            left += max(0.0, self._expected(stage) - (now - begun))
         return left if self.until is None else min(left, max(0.0, self.until - now))
+
+    def _measure(self) -> None:
+        """The pace of the training, and how busy the machine is."""
+        step, moment, cpu = self.times[-1]
+        # Steps of the pre-fit are quicker: the later half of the steps shows the pace.
+        middle = (self.times[0][0] + step) // 2
+        since = next(row for row in reversed(self.times[:-1]) if row[0] <= middle)
+        passed = max(moment - since[1], 1e-9)
+        self.pace = passed / max(1, step - since[0])
+        # Beside other programs, threads that wait for each other lose more than the stages do.
+        cores = max((cpu - since[2]) / passed, 1e-9)
+        self.busy = max(1.0, min(slowness(self.pace / self.members), 2 / cores))
+        self.fit = moment - self.times[0][1] + self.pace * (self.steps - step)
+
+    def _expected(self, stage: Stage) -> float:
+        """The expected seconds of a stage."""
+        return stage.seconds * self.busy + stage.steps * self.pace + stage.share * self.fit
 
 
 class Lines(Shown):
@@ -208,7 +210,7 @@ class Bar(Shown):
     """A bar with the stage and the time left; below it values and loss terms. By rich."""
 
     def __init__(self, last: Sequence[Stage] = ()) -> None:
-        super().__init__(BAR_EVERY, last)
+        super().__init__(UPDATE_EVERY, last)
         from rich import progress
         from rich.console import Console
         from rich.live import Live
@@ -216,16 +218,19 @@ class Bar(Shown):
         columns = ("{task.description}", progress.BarColumn(), "{task.fields[left]}")
         self.bar = progress.Progress(*columns)
         self.task = self.bar.add_task("", total=1.0, left="")
-        self.live = Live(self.bar, console=Console(stderr=True), transient=True)
+        console = Console(stderr=True)
+        self.live = Live(get_renderable=self._content, console=console, transient=True)
 
     def update(self) -> None:
+        self.live.start()  # a stage may follow `stop`
+
+    def _content(self) -> Any:
+        """The bar of this moment: rich shows it several times a second, in a stage too."""
         from rich.console import Group
         from rich.text import Text
 
-        self.live.start()  # a stage may follow `stop`
-        words, done = self.words, self.done
-        self.bar.update(self.task, description=self.where, completed=done, left=words)
-        self.live.update(Group(self.bar, Text(self.text)))
+        self.bar.update(self.task, description=self.where, completed=self.done, left=self.words)
+        return Group(self.bar, Text(self.text))
 
     def message(self, text: str) -> None:
         self.live.console.print(visible(text), markup=False, highlight=False)

@@ -52,7 +52,7 @@ class Trainer:
         config: Config,
         processes: Processes | None = None,
     ) -> None:
-        members, device = objective.members, objective.points.device
+        members, device = objective.members, objective.pool.points.device
         starts = [
             initial_parameters(m.problem.spec, m.seed, config.network.initialization)
             for m in members
@@ -61,7 +61,7 @@ class Trainer:
         self.schedule = schedule
         self.config = config
         self.processes = processes or Processes()
-        self.params = torch.stack(starts).to(objective.points)
+        self.params = torch.stack(starts).to(objective.pool.points)
         self.law_variables = LawVariables(
             [m.law for m in members],
             config.rheology,

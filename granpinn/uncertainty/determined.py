@@ -3,8 +3,8 @@
 The law is a line in x = I/(I + I0) that the data show between two ends. The error model continues
 it to mu_s at x = 0 and mu_2 at x = 1 (error_model.py). A parameter is not determined if its
 standard deviation would exceed `LARGEST` of its value in usual flows with this range of I, which
-have no noise. So the range alone decides: noise, or a short training, leave wide intervals, which
-say so themselves.
+have no noise. Noise or a short training can widen its interval beyond `USELESS`: then it is not
+determined either, whatever the law.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from granpinn.arrays import Float64, Floats
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameters, Result
-from granpinn.results.determined import Determined
+from granpinn.results.determined import USELESS, Determined, half_width
 from granpinn.results.summary import friction_sd
 from granpinn.uncertainty import error_bars, error_model
 from granpinn.uncertainty.error_model import Known, ends_of, interval
@@ -26,26 +26,31 @@ LARGEST = 0.15  # its 90 % interval is wider than a quarter
 
 
 def determined(result: Result, inertial_number: Floats, weight: Floats) -> Determined | None:
-    """What the data determine; None for laws other than mu(I) and flows without shear.
+    """What the data determine; None for flows without shear, and for another law if it is all.
 
     Args:
         inertial_number: of the points that shear [n].
         weight: of these points in the fit [n].
     """
-    if result.law.name != mu_of_i.LAW.name:
-        return None
-    mu_s, mu_2, I0 = result.theta
-    shear = range_of(inertial_number, weight, I0)
+    shear = _range(result, inertial_number, weight)
     if shear is None:
         return None
-    bars, at = result.error_bars, np.array([shear.I])
-    real = bars is not None and bars.grains is not None
-    lost = lost_of(Known(ends_of((shear.low, shear.high), I0), (mu_s, mu_2), real=real))
+    intervals = {name: p.interval_90 for name, p in result.parameters.items()}
+    wide = [name for name, i in intervals.items() if i is not None and half_width(i) > USELESS]
+    bars, at, lost = result.error_bars, np.array([shear.I]), tuple(wide)
+    if result.law.name == mu_of_i.LAW.name:
+        mu_s, mu_2, I0 = result.theta
+        real = bars is not None and bars.grains is not None
+        narrow = lost_of(Known(ends_of((shear.low, shear.high), I0), (mu_s, mu_2), real=real))
+        lost = tuple(name for name in intervals if name in wide or name in narrow)
+        wide = [name for name in wide if name not in narrow]
+    elif not wide:
+        return None
     mu, std, mu_90 = float(result.friction_law.friction(at, *result.theta)[0]), None, None
     if result.covariance is not None and bars is not None:
         std = float(friction_sd(at, result, result.covariance)[0])
         mu_90 = interval(mu, std, bars.half_width)
-    return Determined(shear.low, shear.high, shear.I, mu, std, mu_90, lost)
+    return Determined(shear.low, shear.high, shear.I, mu, std, mu_90, lost, wide=tuple(wide))
 
 
 class Range(NamedTuple):
@@ -69,6 +74,12 @@ def range_of(inertial_number: Floats, weight: Floats, I0: float) -> Range | None
     return Range(low, high, I0 * mean / (1 - mean))
 
 
+def _range(result: Result, inertial_number: Floats, weight: Floats) -> Range | None:
+    """The range of I, with the I0 of a result, if its law has one."""
+    scale = result.friction_law.inertial_scale
+    return range_of(inertial_number, weight, result.parameters[scale].value if scale else 1.0)
+
+
 def percentiles(inertial_number: Floats, weight: Floats) -> tuple[float, float] | None:
     """The 5th and 95th percentile of I of points that shear [n]; None without such points."""
     used = _shearing(inertial_number, weight)
@@ -89,9 +100,7 @@ def unfixed(result: Result, inertial_number: Floats, weight: Floats, reason: str
         inertial_number: of the points that shear [n], with the pressure of the training.
         weight: of these points [n].
     """
-    law = result.friction_law
-    scale = law.inertial_scale
-    shear = range_of(inertial_number, weight, result.parameters[scale].value if scale else 1.0)
+    law, shear = result.friction_law, _range(result, inertial_number, weight)
     low, high, at = (0.0, 0.0, 0.0) if shear is None else shear
     mu = float(law.friction(np.array([at]), *result.theta)[0])
     return Determined(low, high, at, mu, None, None, law.free, reason=reason)

@@ -24,7 +24,7 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.config import Config, flatten
-from granpinn.physics.laws import DEFAULT, LAWS, Law
+from granpinn.physics.laws import DEFAULT, LAWS, FrictionLaw
 from granpinn.results import Covariance, Parameter, Residuals
 from granpinn.results.assumed import Assumed
 from granpinn.results.records import ErrorBars, Members
@@ -36,7 +36,7 @@ DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
 STARTS = ("rheology.start", "rheology.random_start")  # no influence (bench/studies/recipe)
 
 
-def center(members: Members, law: Law = DEFAULT) -> tuple[float, ...]:
+def center(members: Members, law: FrictionLaw = DEFAULT) -> tuple[float, ...]:
     """Medians over the members, in the order of `law.free`.
 
     If a parameter is optimised as its rise above the one before it, the median is of the rise: the
@@ -52,7 +52,7 @@ def center(members: Members, law: Law = DEFAULT) -> tuple[float, ...]:
     return tuple(found)
 
 
-def nearest(members: Members, law: Law) -> int:
+def nearest(members: Members, law: FrictionLaw) -> int:
     """Index of the member that is nearest to the center.
 
     The distance is relative to the first parameter of the center, and of a cohesion, which has
@@ -64,7 +64,7 @@ def nearest(members: Members, law: Law) -> int:
     return int(np.argmin((z**2).sum(axis=1)))
 
 
-def values_of(members: Members, law: Law = DEFAULT) -> Float64:
+def values_of(members: Members, law: FrictionLaw = DEFAULT) -> Float64:
     """The values of the members [K, len(law.free)]."""
     return np.stack([members.values[name] for name in law.free], axis=1)
 

@@ -32,7 +32,7 @@ import numpy as np
 import scipy  # loads scipy.optimize at its first use
 
 from granpinn.arrays import Float64
-from granpinn.physics.laws import LAWS, Law, LawParameter, cohesive, free, mu_of_i
+from granpinn.physics.laws import LAWS, FrictionLaw, LawParameter, cohesive, free, mu_of_i
 from granpinn.results.compared_law import ComparedLaw
 from granpinn.results.parameters import Parameter, Parameters
 from granpinn.results.summary import NORMAL_90
@@ -76,7 +76,7 @@ class Fit:
         score: log likelihood of blocks of time that were left out.
     """
 
-    law: Law
+    law: FrictionLaw
     theta: tuple[float, ...]
     std: dict[str, float]
     mu: Float64
@@ -97,7 +97,9 @@ class Fitter:
         root: R of C^-1 = R^T R [N, N].
     """
 
-    def __init__(self, law: Law, fixed: dict[str, float], I: Float64, root: Float64) -> None:
+    def __init__(
+        self, law: FrictionLaw, fixed: dict[str, float], I: Float64, root: Float64
+    ) -> None:
         scale = law.inertial_scale
         self.law, self.I, self.root, self.fixed = law, I, root, fixed
         self.names = [p.name for p in law.parameters if not p.fixed or p.name == scale]

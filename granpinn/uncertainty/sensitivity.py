@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.results.assumed import Assumed
 from granpinn.training.continuation import MOST_STEPS, continued
 from granpinn.training.objective import Member
@@ -37,7 +37,7 @@ class Assumption:
         unit: of its value, "1" without one.
         sd: standard deviation of its prior, > 0.
         pair: makes the members with the value one `sd` lower and higher; they have the seed of the
-            trained member and corresponding points (granpinn/data/variants.py).
+            trained member and corresponding points (granpinn/data/points.py).
         example, change: a change of the value for the reader, in words and as a number.
     """
 
@@ -103,7 +103,11 @@ def unknown(assumed: Sequence[Assumed]) -> list[str]:
 
 
 def _assumed(
-    assumption: Assumption, law: Law, value: Float64, lower: Float64 | None, upper: Float64 | None
+    assumption: Assumption,
+    law: FrictionLaw,
+    value: Float64,
+    lower: Float64 | None,
+    upper: Float64 | None,
 ) -> Assumed:
     a = assumption
     if lower is None or upper is None:

@@ -20,7 +20,7 @@ def as_asked(name: str, folder: Path) -> bool:
         found = [cells for cells in csv.DictReader(file) if cells["population"] == name]
     same = [cells["name"] for cells in found] == [task.name for task in asked.tasks]
     return same and all(
-        len(cells["mu_s"].split()) == asked.own.members
+        len(cells["mu_s"].split()) == asked.config.members
         and (int(cells["steps"]), cells["level"]) == (asked.config.steps, asked.config.level)
         for cells in found
     )
@@ -32,9 +32,7 @@ def test_stored_rows_are_those_of_the_words(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_run_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two populations of one flow: it is simulated once, and what is there is not made again."""
     flow = "--truths 1 --controls 0 --draw 3 --cells 48 --stride 1 --frames 12"
     populations = {"clean": flow, "noisy": f"{flow} --noise 0.02"}
@@ -42,8 +40,6 @@ def test_a_run_goes_on(
     out, flows = tmp_path / "results", tmp_path / "flows"
     out.mkdir()
     command = ["--flows", str(flows), "--out", str(out), *TINY]
-    assert remake.main([*command, "--until", "-1"]) == 1
-    assert "not made: clean, noisy" in capsys.readouterr().err
     assert remake.main(command) == 0
     assert len(list(flows.iterdir())) == 1
     rows = {

@@ -36,7 +36,7 @@ from granpinn.arrays import Float64
 from granpinn.data import check_flow
 from granpinn.fit.case import pose, sound
 from granpinn.kernels import ops
-from granpinn.physics.laws import Law
+from granpinn.physics.laws import FrictionLaw
 from granpinn.training import equations
 from tests.runs import tiny
 
@@ -218,7 +218,7 @@ def test_the_study_runs(local: bool, tmp_path: Path, monkeypatch: pytest.MonkeyP
     """The local law has no mean at any point."""
     seen: list[float] = []
 
-    def ill_posed(I: Tensor, theta: Tensor, law: Law) -> Tensor:
+    def ill_posed(I: Tensor, theta: Tensor, law: FrictionLaw) -> Tensor:
         found = whole(I, theta, law)
         seen.append(float(found.max()))
         return found

@@ -70,14 +70,12 @@ def test_a_slab_has_the_fields_of_its_part_of_the_width(dump: Path) -> None:
         np.testing.assert_allclose(means, z, atol=0.02)
         assert fields.stress[:, rows, :, coarse.YY].mean() == pytest.approx(3, rel=5e-3)
     assert slabs.measured_bulk(seen).bulk == pytest.approx(FRACTION, rel=0.02)
-    made = slabs.side_walls(scene, dump, slabs.measured_bulk(whole), seen)
+    made = slabs.side_walls(scene, dump, slabs.measured_bulk(whole))
     assert made["friction"] == pytest.approx(0.1)
-    # 2 per SPACING^2 of a wall; the velocity varies across, which adds a kinetic stress to p.
-    np.testing.assert_allclose(made["normal_stress"], 2 / SPACING**2, rtol=1e-6)
-    np.testing.assert_allclose(made["shear_stress"], 0.2 / SPACING**2, rtol=1e-6)
-    assert made["friction_by_p"] == pytest.approx(0.8 / np.mean(made["p"]), rel=1e-6)
-    expected = (np.array(made["y"]) + 1) / (np.array(made["y"]) + GAP / 2)
-    np.testing.assert_allclose(made["speed_seen_by_mean"][3:-3], expected[3:-3], atol=0.01)
+    # 0.2 per SPACING^2 of a wall; the velocity varies across, which adds a kinetic stress to p.
+    p = whole.stress[..., [coarse.XX, coarse.YY]].mean(axis=(0, 2, 3))
+    full = whole.phi.mean(axis=(0, 2)) > 0.9 * FRACTION
+    assert made["friction_by_p"] == pytest.approx(0.2 / SPACING**2 / p[full].mean(), rel=1e-3)
 
 
 def test_the_channel_starts_with_the_stated_volume(tmp_path: Path) -> None:

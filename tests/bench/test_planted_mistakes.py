@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.copied_tree import ROOT
-from bench.studies.reliability.planted_mistakes import planted
-from bench.studies.reliability.planted_table import MISTAKES, TESTS, Mistake
+from bench.studies.reliability.planted_mistakes import MISTAKES, TESTS, Mistake, planted
 
 
 @pytest.mark.parametrize("mistake", MISTAKES, ids=lambda m: f"{m.file}-{m.kind}")

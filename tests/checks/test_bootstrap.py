@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granpinn import identify_many, results, train
+from granpinn import identify_many, results
 from granpinn.checks.bootstrap import (
     Bootstrap,
     bootstrap,
@@ -22,6 +22,7 @@ from granpinn.checks.bootstrap import (
     settings,
     simulated_flows,
 )
+from granpinn.commands import train
 from granpinn.config import Rheology
 from granpinn.data import Flow, write_flow
 from granpinn.fit.case import member_seed

@@ -12,9 +12,9 @@ from types import ModuleType
 import pytest
 
 from granpinn import checks, identify, inspection, load, report
+from granpinn.commands import inspect
 from granpinn.config import ConfigError
 from granpinn.data import Flow, FlowFileWarning, write_flow
-from granpinn.inspect import __main__ as inspect
 from granpinn.results import ResultsFileError, read_results
 from granpinn.results.record import FIT, every
 from tests.runs import tiny

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn import identify, reference, results, train
+from granpinn import identify, reference, results
 from granpinn.checks import wanted
 from granpinn.checks.profile_of_I0 import Profile, grid_of, profile_from
+from granpinn.commands import train
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.fit.case import pose
@@ -142,29 +143,15 @@ def test_final_loss_is_that_of_all_points_below_the_highest_vectors(flow: Flow) 
     objective = run.trainer.objective
     params, theta = run.trainer.solution(0)
     assert not torch.equal(params, run.trainer.params[0])  # the average
-    spec, strip = objective.spec, len(objective.members[0].data.strip)
+    problem, strip = objective.members[0].problem, len(objective.members[0].data.strip)
     assert strip > 0
-    held = slice(len(objective.points) - strip)
-    terms = reference.residual_loss(
-        params,
-        theta,
-        objective.points[held],
-        objective.velocity[held],
-        objective.point_weights[held],
-        objective.surface_points,
-        objective.surface_pressure,
-        objective.term_weights[0],
-        spec.widths,
-        objective.input_shift[0].tolist(),
-        objective.input_scale[0].tolist(),
-        objective.physics[0].tolist(),
-        spec.form,
-    )[1]
+    held = objective.pool.at(slice(len(objective.pool.points) - strip), slice(None))
+    terms = reference.loss_terms(params, theta, held, problem.spec, problem.physics)
     assert list(found.terms) == list(TERMS)
-    velocity, equations = objective.point_weights[held].mean(0)  # a part of all points
+    velocity, equations = held.point_weights.mean(0)  # a part of all points
     terms = terms / torch.stack([velocity, torch.ones(()), *[equations] * 3])
     np.testing.assert_allclose(list(found.terms.values()), terms.tolist(), rtol=1e-9)
-    assert found.n_points == len(objective.points) - strip
+    assert found.n_points == len(held.points)
     assert found.weights["momentum"] == pytest.approx(0.05**-2)
 
 

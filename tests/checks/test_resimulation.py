@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granpinn import results, train
+from granpinn import results
 from granpinn.checks import profile_of_I0, simulator_fit
 from granpinn.checks.resimulation import Resimulation, resimulate
+from granpinn.commands import train
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.results.decoding import decode

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from granpinn import results, train
+from granpinn import results
+from granpinn.commands import train
 
 FLAGS = ["--steps", "6", "--log-every", "2", "--network.widths", "6,5", "--batch.interior", "16"]
 FLAGS += ["--simulated_pressure.frames", "2"]

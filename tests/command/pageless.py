@@ -12,7 +12,7 @@ from granpinn.command import exit_codes
 if __name__ == "__main__":
     exit_codes.guard_process("train")
 
-from granpinn.train import main
+from granpinn.commands.train import main
 
 
 def pageless(command: Sequence[str]) -> list[str]:
@@ -32,4 +32,4 @@ def stand_ins() -> list[tuple[Any, str, Any]]:
 if __name__ == "__main__":
     for owner, name, value in stand_ins():
         setattr(owner, name, value)
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from granpinn import collect
+from granpinn.commands import collect
 from granpinn.results import write_results
 from tests.examples import make_result
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from granpinn.commands import report
 from granpinn.data import read_flow
 from granpinn.physics.laws import LAWS
-from granpinn.report import __main__ as report
 from granpinn.training.history import columns
 
-COMMANDS = ("inspect.__main__", "simulate", "train")
-inspect, simulate, train = (import_module(f"granpinn.{name}") for name in COMMANDS)
+COMMANDS = ("inspect", "simulate", "train")
+inspect, simulate, train = (import_module(f"granpinn.commands.{name}") for name in COMMANDS)
 SHORT = ("--steps", "2", "--network.widths", "6,5", "--batch.interior", "16")
 SMALL = ("--steps", "50", "--network.widths", "16,16", "--batch.interior", "64")
 CELLS = ("--resimulation.cells", "32", "--simulated_pressure.cells", "32")

@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import granpinn.convert as convert
 from granpinn.command.exit_codes import fail
 from granpinn.command.next_step import require_flow_file
+from granpinn.commands import convert, inspect
 from granpinn.data import Flow
 from granpinn.errors import BadInput
 from granpinn.importers.formats import detect
-from granpinn.inspect import __main__ as inspect
 
 NAMES = {
     "command": "x$(touch PWNED)",

@@ -8,15 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from granpinn.command import arguments, completion
-from granpinn.command.arguments import USUAL, parse
 from granpinn.command.next_step import require_flow_file
 from granpinn.command.parser import PACKAGE, program
-from granpinn.config import ConfigError
+from granpinn.commands.train import USUAL, parse
+from granpinn.config import Config, ConfigError, settings_of
+from granpinn.config.fields import flag_of
 from granpinn.errors import BadInput
 from granpinn.importers import DataFileError
 
 RUN = ("flow.h5", "--out", "run")
+FLAG = re.compile(r"^\s+(?:-\w, )?(--[A-Za-z][\w.-]*)", re.MULTILINE)
 
 
 @pytest.mark.parametrize(
@@ -61,13 +62,13 @@ def test_the_help_has_few_flags_and_the_other_help_all(
 ) -> None:
     with pytest.raises(SystemExit):
         parse(["--help"])
-    usual = completion.FLAG.findall(capsys.readouterr().out)
+    usual = FLAG.findall(capsys.readouterr().out)
     assert len(usual) == 18  # and --help itself
     with pytest.raises(SystemExit):
         parse(["--help-all"])
-    everything = {flag for flag, _ in completion.FLAG.findall(capsys.readouterr().out)}
-    known = arguments.settings_of(arguments.Config)
-    assert everything >= {arguments.flag_of(key) for key in known if key != "flow"}
+    everything = set(FLAG.findall(capsys.readouterr().out))
+    known = settings_of(Config)
+    assert everything >= {flag_of(key) for key in known if key != "flow"}
     assert set(USUAL) <= set(known)
 
 
@@ -75,7 +76,7 @@ def test_a_command_speaks_as_it_was_called(monkeypatch: pytest.MonkeyPatch) -> N
     for called, name in {
         "/usr/bin/granpinn": "granpinn train",
         str(PACKAGE / "__main__.py"): "granpinn train",
-        str(PACKAGE / "train.py"): "python -m granpinn.train",
+        str(PACKAGE / "commands" / "train.py"): "python -m granpinn.train",
     }.items():
         monkeypatch.setattr(sys, "argv", [called])
         assert program("train") == name

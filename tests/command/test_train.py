@@ -13,9 +13,10 @@ import h5py
 import numpy as np
 import pytest
 
-from granpinn import results, train
+from granpinn import results
 from granpinn.command import exit_codes, training_run
-from granpinn.command.arguments import parse
+from granpinn.commands import train
+from granpinn.commands.train import parse
 from granpinn.config import Config
 from granpinn.config.toml import to_toml
 from granpinn.data import Flow, write_flow
@@ -240,7 +241,7 @@ def test_python_m_granpinn_train_is_this_command(
 ) -> None:
     monkeypatch.setattr(exit_codes, "guard_process", lambda command: None)
     monkeypatch.setattr(sys, "argv", ["granpinn.train", "flow.h5"])
-    monkeypatch.delitem(sys.modules, "granpinn.train")
+    monkeypatch.delitem(sys.modules, "granpinn.train", raising=False)
     with pytest.raises(SystemExit) as stop:
         runpy.run_module("granpinn.train", run_name="__main__")
     assert stop.value.code == 2

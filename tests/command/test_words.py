@@ -10,17 +10,14 @@ from pathlib import Path
 
 import pytest
 
-import granpinn.convert as convert
-from granpinn import collect, identify, identify_many, train
+from granpinn import identify, identify_many
 from granpinn.command import cli
+from granpinn.commands import collect, convert, inspect, report, tables, train
 from granpinn.config import Config, ConfigError
 from granpinn.config.values import convert as value_of
 from granpinn.data import Flow, write_flow
-from granpinn.inspect import __main__ as inspect
-from granpinn.report import __main__ as report
 from granpinn.results import write_results
 from granpinn.results.results_csv import write_csv
-from granpinn.tables import __main__ as tables
 from granpinn.terminal import visible
 from tests.examples import make_result
 from tests.flows import make_flow
@@ -127,13 +124,13 @@ def test_a_number_has_plain_digits(text: str, capsys: pytest.CaptureFixture[str]
         (report.main, ["a", "--time", text]),
     ):
         assert command(words) == 2
-        assert "invalid " in capsys.readouterr().err
+        assert "number, got " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e400"])
 def test_a_report_has_a_finite_time(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert report.main(["a", f"--time={text}"]) == 2
-    assert "--time must be a finite number, got" in capsys.readouterr().err
+    assert "--time must be " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["inspect", "convert", "train"])

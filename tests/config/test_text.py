@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from granpinn.command.arguments import parse
+from granpinn.commands.train import parse
 from granpinn.config import RECIPES, Config, ConfigError, settings_of
 from granpinn.config.fields import flag_of
 from granpinn.config.toml import read_toml, to_toml

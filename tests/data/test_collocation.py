@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 import torch
 
-from granpinn.data import Flow, TrainingSet, training_set, with_collocation
+from granpinn.data import Flow, TrainingSet, training_set
 from granpinn.data.collocation import above_ground
 from granpinn.data.scaling import scales_of
 from tests.data.test_particles import FLOW as SCATTERED
@@ -19,8 +19,7 @@ from tests.flows import make_flow
 
 
 def collocated(flow: Flow, share: float, dtype: torch.dtype = torch.float64) -> TrainingSet:
-    scales = scales_of(flow)
-    return with_collocation(training_set(flow, scales, "V1", dtype), flow, scales, share)
+    return training_set(flow, scales_of(flow), "V0", dtype, share)
 
 
 def cells_of(flow: Flow, points: torch.Tensor) -> npt.NDArray[np.int64]:
@@ -54,7 +53,7 @@ def test_they_fill_their_cells() -> None:
 
 
 def test_the_data_stay_as_they_are() -> None:
-    data, before = collocated(FLOW, 1.0), training_set(FLOW, SCALES, "V1", torch.float64)
+    data, before = collocated(FLOW, 1.0), collocated(FLOW, 0.0)
     made = data.arrays()
     for name, values in before.arrays().items():
         if name not in ("between", "equation_weights"):
@@ -68,11 +67,14 @@ def test_the_data_stay_as_they_are() -> None:
 def test_the_lowest_row_is_where_gravity_points(
     gravity: tuple[float, float], axis: int, lowest: int
 ) -> None:
-    grains = np.zeros((3, 24, 20), bool)
-    grains[:, 2:22, 2:18] = True
-    removed = np.argwhere(grains & ~above_ground(grains, gravity))
+    c = np.zeros((3, 24, 20), np.float32)
+    c[:, 2:22, 2:18] = 1
+    grains = replace(FLOW, t=np.arange(1.0, 4), c=c, gravity=gravity)
+    removed = np.argwhere(grains.material & ~above_ground(grains))
     assert set(removed[:, axis]) == {lowest}
-    assert len(removed) == grains.sum() / (20 if axis == 1 else 16)
+    assert len(removed) == c.sum() / (20 if axis == 1 else 16)
+    lower = lowest + (1 if removed[0, axis] > 10 else -1)  # in another part of the flow
+    assert np.array_equal(above_ground(grains, lower), grains.material)
 
 
 def test_pooled_weights_keep_the_mean_over_the_data() -> None:
@@ -90,15 +92,12 @@ def test_pooled_weights_keep_the_mean_over_the_data() -> None:
     assert pool.pooled() is pool
 
 
-def test_nothing_changes_without_them() -> None:
-    scales = scales_of(SCATTERED)
-    scattered = training_set(SCATTERED, scales)
-    assert with_collocation(scattered, SCATTERED, scales, 1.0) is scattered
-    data = training_set(FLOW, SCALES)
-    assert with_collocation(data, FLOW, SCALES, 0.0) is data
+def test_flows_without_complete_cells_have_none() -> None:
     one_row = replace(FLOW, c=np.where(np.arange(FLOW.y.size)[:, None] < 2, FLOW.c, 0).astype("f4"))
-    thin = training_set(one_row, SCALES)
-    assert with_collocation(thin, one_row, SCALES, 1.0) is thin
+    for flow, share in ((SCATTERED, 1.0), (FLOW, 0.0), (one_row, 1.0)):
+        made = collocated(flow, share)
+        assert len(made.between) == len(made.equation_weights) == 0
+        assert made.pooled() is made
 
 
 def test_they_are_the_same_in_either_precision() -> None:

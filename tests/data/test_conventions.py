@@ -13,7 +13,7 @@ import xarray
 
 from granpinn.data import Flow, FlowFileError, particle_flow, read_flow, write_flow
 from granpinn.data.flow import Particles
-from granpinn.data.format import DATASETS, arrays_of
+from granpinn.data.schema import DATASETS, arrays_of
 from tests.flows import make_flow
 
 # attribute, its value, and whether it changes nothing
@@ -91,7 +91,7 @@ def test_what_granpinn_writes_is_the_same_in_xarray(
     assert_equal(read_both(path))
 
 
-@pytest.mark.parametrize("name", [rule.name for rule in DATASETS if "particles" in rule.name][:5])
+@pytest.mark.parametrize("name", [name for name in DATASETS if "particles" in name][:5])
 def test_attributes_of_scattered_vectors_are_checked(name: str, tmp_path: Path) -> None:
     path = tmp_path / "flow.h5"
     write_flow(scattered(), path)

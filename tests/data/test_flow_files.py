@@ -21,7 +21,7 @@ from granpinn.data import (
     write_flow,
 )
 from granpinn.data import writer as writer_module
-from granpinn.data.format import arrays_of
+from granpinn.data.schema import arrays_of
 from tests.flows import make_flow
 
 

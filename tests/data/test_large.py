@@ -20,15 +20,14 @@ from granpinn.data import (
     check_flow,
     large,
     particle_flow,
+    points,
     read_flow,
-    streamed,
+    training_set,
     with_partial_cells,
     write_flow,
     writer,
 )
-from granpinn.data.points import surface_of
 from granpinn.data.scaling import scales_of
-from granpinn.data.variants import training_sets
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.view import BETWEEN_RUNS
 from granpinn.fit import case
@@ -172,13 +171,13 @@ def test_facts_of_runs_are_close_to_those_of_the_flow(
 
 
 def sets_of(flow: Flow, level: str) -> tuple[TrainingSet, TrainingSet]:
-    """The training set at once, and slab by slab."""
-    scales, filled = scales_of(flow), with_partial_cells(flow)
-    settings = (level, 1.0, torch.float64)
-    variant = filled, surface_of(filled, level)
-    (whole,) = training_sets([variant], filled, scales, *settings)
-    seen = with_partial_cells(large.runs(flow))
-    return whole, streamed.streamed_set(flow, seen, scales, *settings)
+    """The training set in one slab, and slab by slab."""
+    settings = scales_of(flow), level, torch.float64, 1.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(large, "MOST_CELLS", flow.c.size)
+        patch.setattr(points, "MOST_VECTORS", flow.c.size)
+        whole = training_set(with_partial_cells(flow), *settings)
+    return whole, training_set(flow, *settings)
 
 
 def with_sigmas(flow: Flow) -> Flow:
@@ -227,7 +226,7 @@ def test_slabs_have_the_walls_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_part_of_the_vectors_trains(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     flow = replace(read_flow(path), attributes={"grid_spacing_of_solver": 0.01})
     whole, every = sets_of(flow, "V1")
-    monkeypatch.setattr(streamed, "MOST_VECTORS", len(whole.points) // 4)
+    monkeypatch.setattr(points, "MOST_VECTORS", len(whole.points) // 4)
     _, made = sets_of(flow, "V1")
     rows = {tuple(row) for row in torch.cat([whole.points, whole.velocity], 1).tolist()}
     taken = torch.cat([made.points, made.velocity], 1).tolist()

@@ -17,7 +17,6 @@ from granpinn.data import (
     particle_flow,
     read_flow,
     training_set,
-    with_collocation,
     write_flow,
 )
 from granpinn.data.flow import Particles
@@ -75,7 +74,7 @@ def test_a_moved_flow_is_the_same_training(offset: str, level: str, kind: str) -
     there = moved(flow, OFFSETS[offset])
     check_flow(there)
     before, after = (
-        with_collocation(training_set(f, s, level), f, s, 0.5)
+        training_set(f, s, level, collocation=0.5)
         for f, s in ((flow, scales_of(flow)), (there, scales_of(there)))
     )
     # The origin is the first value, not 0, and float64 rounds around the offset.

@@ -26,8 +26,7 @@ from granpinn.data import (
 )
 from granpinn.data import particles as particles_module
 from granpinn.data.particles import grid_view
-from granpinn.data.points import RESOLUTION
-from granpinn.data.scaling import material_of, scales_of
+from granpinn.data.scaling import RESOLUTION, equation_constants, scales_of
 from tests.flows import make_flow
 
 GRID = make_flow()
@@ -203,13 +202,13 @@ def test_density_of_grains_enters_the_inertial_number() -> None:
     physical ones.
     """
     scales = scales_of(FLOW)
-    d = material_of(FLOW, scales).grain_diameter
+    d = equation_constants(FLOW, scales).grain_diameter
     rate, p = 7.0, 640.0  # 1/s, Pa
     physical = FLOW.grain_diameter * rate / math.sqrt(p / 2500.0)
     ours = d * scales.to_dimensionless(rate, "rate")
     ours /= math.sqrt(scales.to_dimensionless(p, "pressure"))
     assert ours == pytest.approx(physical, rel=1e-12)
-    merged = material_of(replace(FLOW, grain_density=None), scales).grain_diameter
+    merged = equation_constants(replace(FLOW, grain_density=None), scales).grain_diameter
     assert d / merged == pytest.approx(math.sqrt(2500 / 1500), rel=1e-12)
     with pytest.raises(FlowFileError, match="grain_density must be at least density"):
         check_flow(replace(FLOW, grain_density=1499.0))

@@ -9,10 +9,9 @@ import pytest
 import torch
 
 from granpinn import data
-from granpinn.data import Flow, FlowFileError, training_set
-from granpinn.data.outline import NO_ROW, highest_rows, outline, outline_above
-from granpinn.data.points import RESOLUTION
-from granpinn.data.scaling import scales_of
+from granpinn.data import Flow, FlowFileError, large, training_set
+from granpinn.data.outline import outline
+from granpinn.data.scaling import RESOLUTION, scales_of
 from granpinn.physics.scales import Scales
 from tests.flows import make_flow
 
@@ -96,7 +95,6 @@ def test_the_outline_is_the_surface_to_a_spacing(down: tuple[float, float]) -> N
     if abs(down[0]) > 1:
         turned = replace(turned, x=turned.y, y=turned.x, c=turned.c.swapaxes(1, 2))
     turned = replace(turned, gravity=down)
-    assert (highest_rows(turned) != NO_ROW).sum() == grains.any(axis=1).sum() - 1
     found = outline(turned)
     x, y = (found.y, found.x) if abs(down[0]) > 1 else (found.x, found.y)
     y = -y if max(down) > 1 else y
@@ -134,12 +132,12 @@ def test_grains_end_half_a_cell_of_the_solver_higher() -> None:
     np.testing.assert_allclose(most.y - none.y, spacing * (cell.y - none.y))
 
 
-def test_the_outline_above_known_rows_reads_no_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Large flows give their rows part by part, and are never in memory as a whole."""
-    rows, expected = highest_rows(FLOW), outline(FLOW)
-    monkeypatch.delattr(Flow, "material")
-    nothing = np.empty((0, 0, 0), np.float32)
-    found = outline_above(rows, replace(FLOW, u=nothing, v=nothing, c=nothing))
+def test_the_outline_is_the_same_slab_by_slab(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = outline(FLOW)
+    monkeypatch.setattr(large, "MOST_CELLS", FLOW.c[0].size)
+    monkeypatch.setattr(large, "SLAB_CELLS", 2 * FLOW.c[0].size)
+    assert len(large.slabs(FLOW)) > 2
+    found = outline(FLOW)
     for name in ("t", "x", "y"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
 
@@ -223,16 +221,16 @@ def test_weights() -> None:
 
 
 def test_grid_for_scoring_holds_all_material_points() -> None:
-    grid = data.test_grid(with_gaps(FLOW), SCALES)
-    assert len(grid.points) == FLOW.material.sum()
-    frame, row, column = grid.indices
-    assert (FLOW.c[grid.indices] == 1).all()
+    points, cells = data.test_grid(with_gaps(FLOW), SCALES)
+    assert len(points) == FLOW.material.sum()
+    frame, row, column = cells
+    assert (FLOW.c[cells] == 1).all()
     np.testing.assert_allclose(
-        SCALES.points_to_physical(grid.points),
+        SCALES.points_to_physical(points),
         np.stack([FLOW.x[column], FLOW.y[row], FLOW.t[frame]], -1),
         rtol=1e-14,
     )
-    flat = np.ravel_multi_index(grid.indices, FLOW.u.shape)
+    flat = np.ravel_multi_index(cells, FLOW.u.shape)
     assert (np.diff(flat) > 0).all()
 
 

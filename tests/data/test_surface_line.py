@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from granpinn.data.surface_line import line_heights
+from granpinn.data.surface import line_heights
 
 T = np.array([0.0, 1.0, 2.0])
 X = np.array([0.0, 0.5, 1.5, 3.0])

@@ -11,8 +11,13 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, FlowFileError, Particles, particle_flow, read_flow, write_flow
-from granpinn.data.surface_offset import outward_normals, with_moved_surface
-from granpinn.data.surface_sd import from_fraction, spacing, surface_sd
+from granpinn.data.surface import (
+    from_fraction,
+    outward_normals,
+    spacing,
+    surface_sd,
+    with_moved_surface,
+)
 from tests.flows import make_flow
 
 FINE = {"frames": 4, "rows": 66, "columns": 120}

@@ -20,7 +20,6 @@ from granpinn.data import (
     particle_flow,
     read_flow,
     training_set,
-    with_collocation,
     write_flow,
 )
 from granpinn.data.scaling import initial_height, scales_of
@@ -73,6 +72,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "period of NaN": ({"period_x": float("nan")}, "period_x must be a length from"),
     "period in words": ({"period_x": "32"}, "period_x must be a length from"),
     "no gap": ({"wall_gap": 0}, "wall_gap must be a length from"),
+    "window of 0": ({"interrogation_window": 0}, "interrogation_window must be a length from"),
     "gap of NaN": ({"wall_gap": float("nan")}, "wall_gap must be a length from"),
     "gap in words": ({"wall_gap": "20 mm"}, "wall_gap must be a length from 1e-30 to 1e+30, got"),
     "period in another unit": ({"period_x": 0.032}, "period_x must be longer than x, which spans"),
@@ -113,7 +113,7 @@ def test_a_steady_flow_has_no_start() -> None:
 def test_one_frame_has_points_between_its_vectors() -> None:
     flow = make_chute()
     scales = scales_of(flow)
-    data = with_collocation(training_set(flow, scales), flow, scales, 1.0)
+    data = training_set(flow, scales, collocation=1.0)
     between = data.between.numpy()
     assert len(between) == len(data.points)
     assert (between[:, 2] == data.points[0, 2].item()).all()

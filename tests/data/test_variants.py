@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.data import Flow, TrainingSet, training_set, with_collocation
-from granpinn.data.collocation import above_ground_after_start, lie_between, points_between
-from granpinn.data.points import surface_of
+from granpinn.data import Flow, TrainingSet, training_set
+from granpinn.data.collocation import above_ground, lie_between, points_between
+from granpinn.data.outline import surface_of
+from granpinn.data.points import training_sets
 from granpinn.data.scaling import scales_of
-from granpinn.data.variants import training_sets
 from tests.data.walled import line, single
 from tests.flows import make_chute, make_flow
 
@@ -28,7 +28,7 @@ def fuller(flow: Flow, cells: int) -> Flow:
 
 def sets_of(*flows: Flow, share: float = 1.0) -> list[TrainingSet]:
     variants = [(flow, surface_of(flow, "V1")) for flow in flows]
-    return training_sets(variants, flows[0], scales_of(flows[0]), "V1", share, torch.float64)
+    return training_sets(variants, flows[0], scales_of(flows[0]), "V1", torch.float64, share)
 
 
 def walled() -> Flow:
@@ -74,8 +74,7 @@ def test_a_variant_has_the_points_of_its_own() -> None:
     less = replace(full, c=make_flow().c)
     lower, upper = (found.pooled() for found in sets_of(less, full))
     scales = scales_of(less)
-    own = training_set(full, scales, "V1", torch.float64)
-    fixed = len(with_collocation(own, full, scales, 1.0).pooled().points)
+    fixed = len(training_set(full, scales, "V0", torch.float64, 1.0).pooled().points)
     assert fixed < len(lower.points) == len(upper.points)  # the strip moves
     assert torch.equal(lower.points[:fixed], upper.points[:fixed])
     for variant, found in ((less, lower), (full, upper)):
@@ -94,10 +93,10 @@ def test_points_between_belong_to_complete_cells() -> None:
     full = fuller(make_flow(), 300)
     less = replace(full, c=make_flow().c)
     for flow in (less, full):
-        grains = above_ground_after_start(flow)
+        grains = above_ground(flow)
         x, y, t = points_between(flow, grains, 2000)
         assert lie_between(flow, grains, x, y, t).all()
-    inside = lie_between(less, above_ground_after_start(less), x, y, t)
+    inside = lie_between(less, above_ground(less), x, y, t)
     assert 0 < inside.sum() < inside.size
     one = replace(full, t=full.t[:1], u=full.u[:1], v=full.v[:1], c=full.c[:1])
     grains = one.material
@@ -110,7 +109,7 @@ def test_surfaces_are_those_of_the_variants() -> None:
     higher = replace(line, y=line.y + 0.01)
     scales = scales_of(flow)
     variants = [(flow, line), (flow, higher)]
-    found = training_sets(variants, flow, scales, "V1", 1.0, torch.float64)
+    found = training_sets(variants, flow, scales, "V1", torch.float64, 1.0)
     lower, upper = (variant.pooled() for variant in found)
     shift = (upper.surface_points - lower.surface_points).mean(0).tolist()
     np.testing.assert_allclose(shift, [0, 0.01 / scales.length, 0], atol=1e-6)

@@ -18,7 +18,7 @@ from granpinn.data import (
     read_flow,
     write_flow,
 )
-from granpinn.data.format import arrays_of
+from granpinn.data.schema import arrays_of
 from granpinn.data.wall_points import walls_of
 from tests.data.test_mutants import mutant
 from tests.data.walled import EVERYTHING, FLOOR, NAN, TWO, full, line, single

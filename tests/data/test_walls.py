@@ -15,9 +15,7 @@ from granpinn.data import (
     Walls,
     check_flow,
     training_set,
-    with_collocation,
     with_partial_cells,
-    with_walls,
 )
 from granpinn.data.outline import outline
 from granpinn.data.scaling import scales_of
@@ -153,7 +151,7 @@ def test_no_slip_where_vectors_agree_and_slip_where_they_do_not(seed: int) -> No
 
 def on_walls(flow: Flow) -> Any:
     scales = scales_of(flow)
-    return with_walls(training_set(flow, scales, "V0"), flow, scales)
+    return training_set(flow, scales, "V0")
 
 
 def test_a_wall_that_grains_flow_through_is_none(seed: int) -> None:
@@ -204,9 +202,9 @@ def test_pool_weighs_walls_like_vectors() -> None:
     over the vectors and the points between is what it was."""
     flow = sheared(lambda x, y: (y, 0 * y), replace(FLOOR, x=np.array([0.0, 16.0])))
     scales = scales_of(flow)
-    between = with_collocation(training_set(flow, scales, "V0"), flow, scales, 0.5)
-    pool = with_walls(between, flow, scales).pooled()
-    N, B, W = 16 * 12, len(between.between), 16
+    data = training_set(flow, scales, "V0", collocation=0.5)
+    pool = data.pooled()
+    N, B, W = 16 * 12, len(data.between), 16
     assert len(pool.points) == N + B + W
     means = pool.point_weights.double().mean(0)
     torch.testing.assert_close(means, torch.tensor([(N + W) / N, 1.0]).double())
@@ -214,19 +212,13 @@ def test_pool_weighs_walls_like_vectors() -> None:
     assert (pool.point_weights[-W:, 0] == pool.point_weights[0, 0]).all()
 
 
-def test_without_walls_nothing_changes() -> None:
-    scales = scales_of(FLOW)
-    data = training_set(FLOW, scales)
-    assert with_walls(data, FLOW, scales) is data
-
-
 def test_no_equation_behind_a_wall() -> None:
     """A thin wall between two halves full of grains: no point in the cells that it cuts."""
     wall = line((8.2, 0), (8.2, 12))
-    flow = sheared(lambda x, y: (y, 0 * y), wall)
+    flow = sheared(lambda x, y: (0 * y, x), wall)
     scales = scales_of(flow)
     for own, least in ((flow, 1000), (replace(flow, walls=None), 1000)):
-        points = with_collocation(training_set(own, scales, "V0"), own, scales, 10).between
+        points = training_set(own, scales, "V0", collocation=10).between
         x = scales.points_to_physical(points.double())[:, 0]
         assert len(x) > least
         cut = (x > 7.5) & (x < 8.5)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from docs.generate import commands
-from tests.docs.test_site import DOCS, PAGES, ROOT
+from tests.docs.test_site import DOCS, PAGES
 
 FLAG = re.compile(r"(?<![\w-])--[a-zA-Z][\w.-]*\w|--c\b")
 CALL = re.compile(r"granpinn[. ](\w+)(.*)")
@@ -18,7 +18,7 @@ OTHERS = {"--nproc-per-node", "--no-build-isolation", "--cpus-per-task", "--pyth
 @pytest.fixture(scope="module")
 def helps() -> dict[str, set[str]]:
     """The flags in the help of each command."""
-    names = commands.commands(ROOT / "granpinn")
+    names = commands.VERBS
     return {name: set(FLAG.findall(commands.section(name))) for name in names}
 
 

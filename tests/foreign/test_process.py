@@ -39,12 +39,20 @@ def test_arrays_and_text_come_back(path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
-def test_a_process_that_gives_no_answer(
+def test_a_new_process_answers_for_one_that_does_not(
     path: Path, number: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read_foreign("npz", path, 0)
-    monkeypatch.setattr(process, "START_SECONDS", 0.3)
-    os.kill(process._running[0].process.pid, number)
+    first = process._running[0].process
+    monkeypatch.setattr(process, "START_SECONDS", 5.0)
+    os.kill(first.pid, number)
+    assert read_foreign("npz", path, 0)["u"].size == 6
+    assert process._running[0].process is not first
+
+
+def test_a_new_process_that_gives_no_answer(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    process._close()
+    monkeypatch.setattr(process, "START_SECONDS", 1e-3)
     with pytest.raises(UnsafeFileError, match="crashed or took too long"):
         read_foreign("npz", path, 0)
     monkeypatch.undo()

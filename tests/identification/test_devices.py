@@ -18,8 +18,9 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn import results, train
+from granpinn import results
 from granpinn.checks.simulated_pressure import velocity_of, with_simulated_pressure
+from granpinn.commands import tables, train
 from granpinn.data import Flow, write_flow
 from granpinn.data.norms import relative_l2
 from granpinn.fit.case import Model, members, pose
@@ -27,7 +28,6 @@ from granpinn.fit.prediction import predict
 from granpinn.identification.start import start
 from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion.simulated_pressure import Pressures, at_frames
-from granpinn.tables import __main__ as tables
 from tests.flows import make_flow
 from tests.runs import tiny
 

@@ -77,7 +77,7 @@ def test_members_share_the_data_of_one_flow(flow: Flow, other: Flow) -> None:
     run = start(cases, CONFIG, None, None, 0.0, [None] * 3)
     objective = run.trainer.objective
     N = [len(case.member.data.pooled().points) for case in cases]
-    assert len(objective.points) == N[0] + N[1]
+    assert len(objective.pool.points) == N[0] + N[1]
     assert objective.places[:, :2].tolist() == [[0, N[0]], [N[0], N[1]], [0, N[0]]]
 
 

@@ -171,13 +171,13 @@ def test_noise_is_seen_by_the_training_and_not_by_the_scores(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[Flow] = []
-    real = case_module.training_data
+    real = case_module.training_set
 
-    def training_data(flow: Flow, *args: Any) -> Any:
+    def training_set(flow: Flow, *args: Any) -> Any:
         seen.append(flow)
         return real(flow, *args)
 
-    monkeypatch.setattr(case_module, "training_data", training_data)
+    monkeypatch.setattr(case_module, "training_set", training_set)
     references: list[Any] = []
     real_predict = prediction.predict
 

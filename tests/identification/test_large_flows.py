@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench.scale import write_flow_file
-from granpinn.data import large, read_flow, streamed
+from granpinn.data import large, points, read_flow
 from granpinn.identification.identified import Identification
 from granpinn.identification.single import identify
 from granpinn.training.progress import Silent
@@ -33,7 +33,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Identification, Path,
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(large, "MOST_CELLS", 20 * CELLS**2)
         patch.setattr(large, "SLAB_CELLS", 7 * CELLS**2)
-        patch.setattr(streamed, "MOST_VECTORS", VECTORS)
+        patch.setattr(points, "MOST_VECTORS", VECTORS)
         flow = read_flow(folder / "flow.h5", max_bytes=1000)  # used in its file
         found = identify(flow, tiny(), run_dir=folder / "run", progress=heard)
     return found, folder / "run", heard.messages

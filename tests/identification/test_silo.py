@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import granpinn.simulate as simulate
-from granpinn import train
+from granpinn.commands import simulate, train
 from granpinn.data import read_flow
 from granpinn.inspection import inspect
 from granpinn.results import read_results

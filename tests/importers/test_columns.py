@@ -38,24 +38,6 @@ def series(folder: Path) -> list[Path]:
 
 
 CAMERA = {"scale": "0.5 mm/px", "pulse_delay": "1 ms", **GRAINS}
-TIMES = {
-    "one column": ["Zeit [ms]", "10", "20", "40"],
-    "decimal commas": ["frame;t [ms]", "0;10,0", "1;20,0", "2;40,0"],
-    "tabs": ["t [s]\tnote", "0,010\ta", "0,020\tb.c", "0,040\t"],
-    "other columns first": ["trigger [s],t [ms]", "7,10", "8,20", "9,40"],
-    "other columns last": ["t [ms],delay [us]", "10,5", "20,6", "40,7"],
-    "blanks": ["# frame [-] t [ms]", "0 10", "1 20", "2 40"],
-    "frames in another order": ["frame,t [ms]", "2,40", "0,10", "1,20"],
-    "round brackets": ["t (ms)", "10", "20", "40"],
-    "quotes": ['"frame","t [ms]"', '"0","10"', '"1","20"', '"2","40"'],
-}
-
-
-@pytest.mark.parametrize("name", TIMES)
-def test_times_are_those_of_the_column_t(tmp_path: Path, name: str) -> None:
-    given = lines(tmp_path / "times.csv", *TIMES[name])
-    flow = read(series(tmp_path), times=given, **CAMERA)
-    np.testing.assert_allclose(flow.t, [0.01, 0.02, 0.04])
 
 
 def test_times_without_a_unit_are_no_numbers_of_frames(tmp_path: Path) -> None:

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from granpinn import Config, identify
+from granpinn.command.conversion import parse
+from granpinn.commands.convert import main, parser
 from granpinn.config import Network
-from granpinn.convert import main, parse
 from granpinn.data import read_flow
 from granpinn.importers import DataFileError, Settings, Validity, read, read_vectors
 from tests.importers import scene
@@ -93,7 +94,7 @@ def test_times_from_names(tmp_path: Path) -> None:
     same = str(scene.write_lines(tmp_path / "same.txt", ["t [ms]", "1", "2", "2"]))
     with pytest.raises(DataFileError, match="time_unit must be ms, which the first line of"):
         read(files, times=same, **settings, **material)
-    with pytest.raises(DataFileError, match="another time for every frame, got one twice"):
+    with pytest.raises(DataFileError, match="another time for every frame of 3, got 3"):
         read(files, times=same, **settings | {"time_unit": None}, **material)
 
 
@@ -137,6 +138,17 @@ def test_side_walls_and_sigma(tmp_path: Path, series: list[str], capsys: Any) ->
     assert flow.attributes["wall_gap"] == 0.02
     assert flow.attributes["note"] == "glass beads"
     assert flow.sigma_u == pytest.approx(0.1 * 0.5e-3 * 500)
+
+
+def test_the_window_is_kept_in_meters(series: list[str]) -> None:
+    given = {"scale": "0.5 mm/px", "frame_rate": "500 Hz", "solid_fraction": 0.6}
+    given |= {"grain_diameter": "0.8 mm", "grain_density": "2500 kg/m^3"}
+    flow = read(series, window="32 px", **given)
+    assert flow.attributes["interrogation_window"] == pytest.approx(32 * 0.5e-3)
+    assert "interrogation_window" not in read(series, **given).attributes
+    for wrong in ("9 m", "0 px", "32 s"):
+        with pytest.raises(DataFileError, match="window"):
+            read(series, window=wrong, **given)
 
 
 def test_everything_that_is_missing_is_named_at_once(series: list[str], capsys: Any) -> None:
@@ -273,8 +285,7 @@ PLAIN = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fracti
 
 def _settings(flags: list[str]) -> dict[str, Any]:
     """The settings of a command line."""
-    settings = parse(["a", "--out", "b.h5", *flags])[2]
-    return {name: value for name, value in vars(settings).items() if value is not None}
+    return parse(parser(), ["a", "--out", "b.h5", *flags])[2]
 
 
 def test_files_that_hold_the_same_time(tmp_path: Path) -> None:

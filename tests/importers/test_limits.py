@@ -239,6 +239,7 @@ def test_two_arrays_of_one_name_are_refused(tmp_path: Path) -> None:
         ("grain_diameter", "1e999**1e999 m"),
         ("gravity", "1e60 m/s^2"),
         ("sigma", "1e200 px/frame"),
+        ("window", "1e200 px"),
         ("origin", "1_0,3"),
         ("frames", f"0:{DIGITS}"),
         ("note", "fine"),

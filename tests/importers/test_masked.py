@@ -43,9 +43,7 @@ def torch_masked(values: Any) -> Any:
 
 
 KINDS: dict[str, Callable[[Any], Any]] = {
-    "numpy.ma": under_mask,
     "frames of numpy.ma in a list": lambda values: [*under_mask(values)],
-    "objects": lambda values: np.where(GONE, None, values),
     "pandas": nullable,
     "torch.masked": torch_masked,
 }

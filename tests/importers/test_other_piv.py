@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.convert import main
+from granpinn.commands.convert import main
 from granpinn.data import FlowFileWarning
 from granpinn.importers import DataFileError, Validity, read_vectors
 from granpinn.importers.vectors import warn_of_zeros
@@ -134,21 +134,25 @@ WRONG: dict[str, tuple[Any, Any, str]] = {
     "openpiv flags": (
         openpiv,
         lambda s: s.replace("\t0\t0\n", "\t9\t0\n"),
-        "must have flags 0, 1 or 2 and a mask of 0 and 1, got 9",
+        "must have the flags 0, 1, 2, got 9",
     ),
     "openpiv cut": (openpiv, lambda s: s[: len(s) // 2], "expected 6 cells|full grid"),
     "openpiv header alone": (openpiv, lambda s: s.split("\n")[0], "no rows of numbers"),
     "insight cut": (
         insight,
         lambda s: s[: len(s) // 2],
-        "9 x 7 vectors as its ZONE says|expected 5 cells",
+        "63 vectors as its header says|expected 5 cells",
     ),
     "insight names": (
         insight,
         lambda s: s.replace('"U pixel"', '"Q"'),
         "must have the columns u, got x, y, q, v, chc",
     ),
-    "davis cut": (davis, lambda s: "\n".join(s.split("\n")[:30]), "63 rows of x, y, u, v"),
+    "davis cut": (
+        davis,
+        lambda s: "\n".join(s.split("\n")[:30]),
+        "must hold 63 vectors as its header says, got 29",
+    ),
     "davis head": (davis, lambda s: s.replace("2D-vector", "image"), "must begin with '#DaVis"),
 }
 

@@ -162,10 +162,15 @@ def _no_x(variables: dict[str, Any]) -> None:
     variables["x"][1, 0] = np.empty((0, 0))
 
 
+def _no_y_at_first(variables: dict[str, Any]) -> None:
+    variables["y"].flat[0] = np.empty(0, object)
+
+
 WRONG: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
-    "transposed": (_transposed, "matrices of one size in every frame, got another in frame 2"),
-    "another grid": (_other_grid, "must have one grid, got another in frame 3"),
-    "no x": (_no_x, "must have matrices x, y, u and v in every frame, got something else"),
+    "transposed": (_transposed, "matrices x, y, u, v of one size, one grid.*in frame 2"),
+    "another grid": (_other_grid, "one grid.*in frame 3"),
+    "no x": (_no_x, "matrices x, y, u, v of one size"),
+    "no y in the first frame": (_no_y_at_first, "something else in frame 1"),
     "no frames": (_no_frames, "holds no analyzed frame"),
 }
 

@@ -110,7 +110,7 @@ WRONG = {
     "cut off": (cut, "must hold a full grid of vectors, got 54 rows"),
     "cut inside a line": (cut_inside_a_line, "expected 5 cells as above|expected numbers"),
     "two frames": (twice, "one vector at every point, got 63 points twice"),
-    "types": (other_type, "vector types 0, 1, 2 and 3, got 7"),
+    "types": (other_type, "vector types 0, 1, 2, 3, got 7"),
     "letters": (letters, "line 4: expected"),
     "empty": (lambda path: path.write_text(""), "is empty"),
     "blank": (lambda path: path.write_text("PIVlab, ASCII chart\n\n"), "no rows of numbers"),

@@ -60,7 +60,7 @@ def test_frames_are_chosen_by_their_time() -> None:
 @pytest.mark.parametrize(
     ("change", "settings", "message"),
     [
-        ({"u": np.full(N, np.nan)}, {}, "no vector is valid"),
+        ({"u": np.full(N, np.nan)}, {}, "must hold measured vectors"),
         ({}, {"mask": "m.png"}, "mask is for vectors on a grid, got scattered ones"),
         ({}, {"sigma": "-1"}, "sigma must be positive"),
         ({"sigma_u": np.full(N, -0.1), "sigma_v": np.ones(N)}, {}, "sigma_u must be positive, and"),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.convert import main
+from granpinn.commands.convert import main
 from granpinn.data import FlowFileWarning
 from granpinn.importers import DataFileError, read
 from tests.importers import scene

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from granpinn.commands.inspect import main, parse
 from granpinn.data import Flow, add_noise, write_flow
-from granpinn.inspect.__main__ import main, parse
 from granpinn.simulation import demo_path
 
 
@@ -125,5 +125,5 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_the_law_of_the_command_line() -> None:
-    law = parse(["a.h5", "--mu-s", "0.3", "--mu-2", "0.5"])["law"]
+    law = parse([str(demo_path()), "--mu-s", "0.3", "--mu-2", "0.5"]).law
     assert (law.mu_s, law.mu_2, law.I0) == (0.3, 0.5, 0.3)

@@ -11,7 +11,7 @@ import pytest
 
 from granpinn.config import Config
 from granpinn.data import Flow, Surface
-from granpinn.data.surface_offset import outward_normals
+from granpinn.data.surface import outward_normals
 from granpinn.estimates.robust import quantiles
 from granpinn.fit.case import pose
 from granpinn.inspection import inspect

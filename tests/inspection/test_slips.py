@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn import train
+from granpinn.commands import inspect, train
 from granpinn.config import Config
 from granpinn.data import Flow, FlowFileWarning, Particles, add_noise, particle_flow, write_flow
 from granpinn.data import read_flow as read
 from granpinn.fit.case import pose
-from granpinn.inspect import __main__ as inspect
 from granpinn.inspection import quick
 from granpinn.inspection.frames import UNSTEADY
 from granpinn.simulation import demo_path, simulate
@@ -99,12 +98,6 @@ def test_collapses(name: str, noise: float, seed: int) -> None:
         if noise == 0:
             assert expected in found[0].sentence, slip
         assert all("\n" not in each.sentence for each in found)
-
-
-def test_gravity_upside_down(demo: Flow) -> None:
-    (found,) = quick(replace(demo, gravity=(0.0, 1.0))).slips
-    assert found.grade == "impossible"
-    assert "the top of the grains falls with 1 times gravity, 180 degrees away" in found.sentence
 
 
 def cut(flow: Flow, t: slice, y: slice, x: slice) -> Flow:

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-import granpinn.convert as convert
+from granpinn.commands import convert, inspect
 from granpinn.config import Config
 from granpinn.data import Flow, FlowFileError, FlowFileWarning, write_flow
 from granpinn.fit.case import pose
 from granpinn.importers import Settings
 from granpinn.importers import convert as converted
-from granpinn.inspect import __main__ as inspect
 from tests.flows import make_flow
 from tests.inspection.falling import falling
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from granpinn.commands.inspect import main
 from granpinn.data import add_noise, write_flow
 from granpinn.data.noise import max_speed
-from granpinn.inspect.__main__ import main
 from granpinn.inspection import inspect
 from tests.flows import make_chute, make_flow
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from granpinn.commands.train import main
 from granpinn.config import Config, Network
 from granpinn.data import Flow, Surface, Walls, write_flow
 from granpinn.estimates.confined import NO_PRESSURE, NO_WORK_WORDS, undetermined
@@ -19,7 +19,6 @@ from granpinn.inspection import inspect
 from granpinn.inspection.momentum_balance import baseline
 from granpinn.results import read_results
 from granpinn.results.results_csv import write_csv
-from granpinn.train import main
 from tests.data.walled import FLOOR, line, single
 from tests.flows import make_chute
 from tests.inspection.chutes import chute
@@ -138,12 +137,6 @@ def test_grains_that_hang_between_walls() -> None:
     assert one.walls is not None
     half = Walls(one.walls.x[:2], one.walls.y[:2])
     assert baseline(replace(one, walls=half)).reason is None
-
-
-def test_inspect_warns_of_a_silo(tmp_path: Path) -> None:
-    found = inspect(silo(6.0))
-    assert found.sentences[0].startswith("A law from these data is not to be used: walls carry")
-    json.dumps(found.numbers(), allow_nan=False)
 
 
 def test_a_base_changes_nothing_in_the_balance() -> None:

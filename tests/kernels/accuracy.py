@@ -90,7 +90,7 @@ def compare(
         pool = pooled(row, network, rival)
         pool_32 = pool.to(torch.float32)
         truth = _oracle(row, pool, rival)
-        rounded = _oracle(row, replace(pool, params=_rounded(pool.params)), rival)
+        rounded = _oracle(row, pool._replace(params=_rounded(pool.params)), rival)
         autograd = _oracle(row, pool_32, rival)
         torch.set_num_threads(row.threads)
         networks.append((_kernel(row, pool_32, ops), autograd, rounded, truth))
@@ -128,7 +128,7 @@ def _cotangent(case: Problem) -> Tensor:
     """Fixed random weights of all outputs, [7, N, K] (or [E, 7, N, K])."""
     rng = torch.Generator().manual_seed(0)
     E = case.params.shape[:-1]
-    shape = (*E, 7, case.points.shape[-2], case.widths[-1])
+    shape = (*E, 7, case.batch.points.shape[-2], case.spec.widths[-1])
     return torch.randn(shape, generator=rng).to(case.params.dtype)
 
 
@@ -136,7 +136,7 @@ def outputs_at_points(module: Any, case: Problem, cotangent: Tensor) -> dict[str
     """Network, jets and residuals [..., N, K], and the gradients of the first two ("grad")."""
     out: dict[str, Tensor] = {}
     params = case.params.clone().requires_grad_()
-    network = (case.points, params, *case.network[2:])
+    network = (case.batch.points, params, *case.network[2:])
 
     value = module.network_value(*network)
     out["value"] = value
@@ -148,7 +148,7 @@ def outputs_at_points(module: Any, case: Problem, cotangent: Tensor) -> dict[str
         weights = cotangent[..., : len(channels), :, :]
         out[f"grad jet {order}"] = torch.autograd.grad(jet, params, weights)[0]
 
-    kept = case.point_weights[..., 1:] > 0
+    kept = case.batch.point_weights[..., 1:] > 0
     strong = strong_residual(module, case) * kept
     for name, e in zip(("e_u", "e_v", "div"), strong.unsqueeze(-1).unbind(-2), strict=True):
         out[f"strong {name}"] = e
@@ -164,7 +164,7 @@ def _losses(module: Any, row: Configuration, pool: Problem) -> dict[str, Tensor]
             call * row.surface_points,
             (call + 1) * row.surface_points,
         )
-        loss, terms, grad_params, grad_theta = module.residual_loss(*part.loss, source=part.source)
+        loss, terms, grad_params, grad_theta = module.residual_loss(*part)
         calls.append((torch.cat([loss.unsqueeze(-1), terms], -1), grad_params, grad_theta))
     return {
         name: torch.stack(x)
@@ -178,9 +178,9 @@ def pooled(row: Configuration, network: int, module: Any = reference) -> Problem
     enlarged = replace(row, points=calls * row.points, surface_points=calls * row.surface_points)
     pool = problem(enlarged, network)
     left_out = near_a_switch(pool, module) | amplifies_rounding(pool, module)
-    if pool.point_weights.ndim == left_out.ndim:  # members that share their points
+    if pool.batch.point_weights.ndim == left_out.ndim:  # members that share their points
         left_out = left_out.any(0)
-    pool.point_weights[..., 1] *= ~left_out
+    pool.batch.point_weights[..., 1] *= ~left_out
     return pool
 
 
@@ -212,9 +212,9 @@ def amplifies_rounding(case: Problem, module: Any) -> Tensor:
     """
 
     def residuals(params: Tensor) -> Tensor:
-        moved = replace(case, params=params)
+        moved = case._replace(params=params)
         strong = strong_residual(module, moved)
-        if case.form == "strong":
+        if case.spec.form == "strong":
             return strong
         return torch.cat([strong, mixed_residuals(module, moved)], -1)
 

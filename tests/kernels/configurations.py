@@ -6,13 +6,17 @@ nothing: every difference between two precisions is then an error of the computa
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
+from torch.utils._pytree import tree_map_only
+
+from granpinn.kernels.network import NetworkSpec, n_params
+from granpinn.physics.terms import LossPoints
 
 Form = Literal["strong", "mixed"]
 Regime = Literal["flowing", "low pressure", "slow"]
@@ -75,10 +79,6 @@ class Configuration:
         return f"{kind}-N{self.points}-{hidden}-{regime}{ensemble}-t{self.threads}"
 
 
-def parameter_count(widths: list[int]) -> int:
-    return sum(n_out * (n_in + 1) for n_in, n_out in pairwise(widths))
-
-
 def configuration(index: int) -> Configuration:
     """Row `index` of the table, any non-negative integer."""
     rng = np.random.default_rng(index)
@@ -104,7 +104,7 @@ def configuration(index: int) -> Configuration:
         if width > NARROW and rng.random() < 0.5:
             hidden = tuple(int(w) for w in rng.integers(NARROW, width + 1, depth))
         row = replace(row, hidden=hidden)
-        if points * parameter_count(row.widths) * (members or 1) <= BUDGET:
+        if points * n_params(row.widths) * (members or 1) <= BUDGET:
             return row
 
 
@@ -126,73 +126,42 @@ def small(form: Form, **changes: Any) -> Configuration:
     return replace(row, **changes)
 
 
-@dataclass(frozen=True)
-class Problem:
-    """Everything that the ops take, for one configuration and one draw of points."""
+class Problem(NamedTuple):
+    """The arguments of residual_loss, for one configuration and one draw of points."""
 
     params: Tensor
     theta: Tensor
-    points: Tensor
-    velocity: Tensor
-    point_weights: Tensor
-    surface_points: Tensor
-    surface_pressure: Tensor
+    batch: LossPoints
     term_weights: Tensor
-    widths: list[int]
-    input_shift: list[float]
-    input_scale: list[float]
+    spec: NetworkSpec
     physics: list[float]
-    form: Form
     law: str
-    source: Tensor | None = None
 
     def to(self, dtype: torch.dtype) -> Problem:
-        cast: dict[str, Any] = {
-            f.name: getattr(self, f.name).to(dtype)
-            for f in fields(self)
-            if isinstance(getattr(self, f.name), Tensor)
-        }
-        return replace(self, **cast)
+        cast: Problem = tree_map_only(Tensor, lambda x: x.to(dtype), self)
+        return cast
 
     def part(self, start: int, stop: int, surface_start: int = 0, surface_stop: int = 0) -> Problem:
         """The same networks with a range of the points and of the surface points."""
-        points, surface = slice(start, stop), slice(surface_start, surface_stop)
-        return replace(
-            self,
-            points=self.points[..., points, :],
-            velocity=self.velocity[..., points, :],
-            point_weights=self.point_weights[..., points, :],
-            surface_points=self.surface_points[..., surface, :],
-            surface_pressure=self.surface_pressure[..., surface],
-            source=None if self.source is None else self.source[..., points, :],
-        )
+        chosen = self.batch.at(slice(start, stop), slice(surface_start, surface_stop))
+        return self._replace(batch=chosen)
 
     def member(self, e: int) -> Problem:
         """Member e of an ensemble as a problem of its own."""
-        ranks = {"params": 1, "theta": 1, "surface_pressure": 1, "term_weights": 1}
-        tensors = {f.name: getattr(self, f.name) for f in fields(self)}
-        own: dict[str, Any] = {
-            name: x[e]
-            for name, x in tensors.items()
-            if isinstance(x, Tensor) and x.ndim > ranks.get(name, 2)
-        }
-        return replace(self, **own)
+        own = {"params": self.params[e], "theta": self.theta[e], "batch": self.batch.member(e)}
+        return self._replace(**own)
 
     @property
-    def network(self) -> tuple[Tensor, Tensor, list[int], list[float], list[float]]:
+    def network(self) -> tuple[Any, ...]:
         """Arguments of network_value, and of network_jet up to the order."""
-        return (self.points, self.params, self.widths, self.input_shift, self.input_scale)
+        spec = self.spec
+        return self.batch.points, self.params, spec.widths, spec.input_shift, spec.input_scale
 
     @property
     def strong(self) -> tuple[Any, ...]:
         """Arguments of strong_residual."""
-        scaling = (self.widths, self.input_shift, self.input_scale)
-        return (self.points, self.params, self.theta, *scaling, self.physics, self.law)
-
-    @property
-    def loss(self) -> tuple[Any, ...]:
-        """Arguments of residual_loss, but for the source."""
-        return tuple(getattr(self, f.name) for f in fields(self) if f.name != "source")
+        points, params, *scaling = self.network
+        return points, params, self.theta, *scaling, self.physics, self.law
 
 
 def problem(row: Configuration, draw: int = 0) -> Problem:
@@ -214,24 +183,28 @@ def problem(row: Configuration, draw: int = 0) -> Problem:
     return Problem(
         params=_params(row, weights, E, p_shift),
         theta=_theta(row, weights, E),
-        points=_tensor(data.uniform((-1, 0, 0), (2, 1.5, 3), (*E_data, N, 3))),
-        velocity=_tensor(U * data.normal(size=(*E_data, N, 2))),
-        point_weights=_tensor(data.uniform(0.1, 1, (*E_data, N, 2))),
-        surface_points=_tensor(data.uniform((-1, 0, 0), (2, 1.5, 3), (*E_data, M, 3))),
-        surface_pressure=_tensor(P * data.uniform(0, 1, (*E_data, M))),
+        batch=LossPoints(
+            _tensor(data.uniform((-1, 0, 0), (2, 1.5, 3), (*E_data, N, 3))),
+            _tensor(U * data.normal(size=(*E_data, N, 2))),
+            _tensor(data.uniform(0.1, 1, (*E_data, N, 2))),
+            _tensor(data.uniform((-1, 0, 0), (2, 1.5, 3), (*E_data, M, 3))),
+            _tensor(P * data.uniform(0, 1, (*E_data, M))),
+            _tensor(data.normal(size=(*E_data, N, 2))) if row.source else None,
+        ),
         term_weights=_tensor(weights.uniform(0.2, 2, 5)),
-        widths=row.widths,
-        input_shift=_floats(weights.uniform(-0.5, 0.5, 3)),
-        input_scale=_floats(weights.uniform(0.3, 1.5, 3)),
+        spec=NetworkSpec(
+            tuple(row.widths),
+            tuple(_floats(weights.uniform(-0.5, 0.5, 3))),
+            tuple(_floats(weights.uniform(0.3, 1.5, 3))),
+            row.form,
+        ),
         physics=_floats(
             [
                 *(0.02, *weights.uniform(-1, 0, 2), eta_min, eta_max, U, P, 1e-3 * P, 2 * U),
                 *(row.side_wall, 0.1 * U),
             ]
         ),
-        form=row.form,
         law=row.law,
-        source=_tensor(data.normal(size=(*E_data, N, 2))) if row.source else None,
     )
 
 

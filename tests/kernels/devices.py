@@ -8,6 +8,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch.utils._pytree import tree_map
 
 
 def moved(x: Any, device: str | torch.device) -> Any:
@@ -33,8 +34,8 @@ class OnDevice(ModuleType):
         constants = {"device": self.device} if name == "sample_indices" else {}
 
         def call(*arguments: Any, **named: Any) -> Any:
-            there = {name: moved(x, self.device) for name, x in named.items()}
-            out = function(*(moved(x, self.device) for x in arguments), **constants, **there)
+            there, by_name = tree_map(lambda x: moved(x, self.device), (arguments, named))
+            out = function(*there, **constants, **by_name)
             return out.cpu() if isinstance(out, Tensor) else tuple(x.cpu() for x in out)
 
         return call

@@ -7,12 +7,12 @@ operator of the namespace `granpinn`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import product
 from typing import Any
 
 import torch
 from torch import Tensor
+from torch.utils._pytree import tree_map_only
 
 from granpinn.physics.laws import LAWS
 
@@ -33,7 +33,7 @@ def tiny(form: Form = "mixed", **changes: Any) -> Problem:
 
 
 def learning(case: Problem) -> Problem:
-    return replace(case, params=case.params.requires_grad_(), theta=case.theta.requires_grad_())
+    return case._replace(params=case.params.requires_grad_(), theta=case.theta.requires_grad_())
 
 
 def strided(tensor: Tensor) -> Tensor:
@@ -44,8 +44,8 @@ def strided(tensor: Tensor) -> Tensor:
 
 
 def with_gaps(case: Problem) -> Problem:
-    gaps: dict[str, Any] = {k: strided(v) for k, v in vars(case).items() if isinstance(v, Tensor)}
-    return replace(case, **gaps)
+    gaps: Problem = tree_map_only(Tensor, strided, case)
+    return gaps
 
 
 # Changes of `tiny` that make each kind of problem.
@@ -71,9 +71,10 @@ def jets(kind: str, order: int) -> Arguments:
 
 def jet_backward(case: Problem, order: int) -> Arguments:
     """The adjoint of a jet with an adjoint of ones."""
-    shape = (*case.params.shape[:-1], CHANNELS[order], case.points.shape[-2], case.widths[-1])
-    points, params, *rest = case.network
-    return (torch.ones(*shape, dtype=params.dtype), points.detach(), params.detach(), *rest, order)
+    points, params, widths, *scaling = case.network
+    shape = (*params.shape[:-1], CHANNELS[order], points.shape[-2], widths[-1])
+    grad = torch.ones(*shape, dtype=params.dtype)
+    return (grad, points.detach(), params.detach(), widths, *scaling, order)
 
 
 def jet_adjoints(kind: str, order: int) -> Arguments:
@@ -83,26 +84,36 @@ def jet_adjoints(kind: str, order: int) -> Arguments:
     return (strided(grad) if kind == "one point" else grad, *rest)
 
 
-def as_tensors(loss: Arguments, precision: str = "fp32") -> Arguments:
-    """The arguments of the operator itself: the input map and the physics as tensors."""
-    constants = (loss[0].new_tensor(values) for values in loss[9:12])
-    return (*loss[:9], *constants, *loss[12:], precision)
+def operands(case: Problem, precision: str = "fp32", equations: bool = True) -> dict[str, Any]:
+    """The arguments of the operator residual_loss, in the order of its schema."""
+    points, spec = case.batch._asdict(), case.spec
+    source = points.pop("source")
+    numbers = {"input_shift": spec.input_shift, "input_scale": spec.input_scale}
+    numbers["physics"] = case.physics
+    return {
+        "params": case.params,
+        "theta": case.theta,
+        **points,
+        "term_weights": case.term_weights,
+        "widths": list(spec.widths),
+        **{name: case.params.new_tensor(values) for name, values in numbers.items()},
+        "form": spec.form if equations else "data",
+        "law": case.law,
+        "precision": precision,
+        "source": source,
+    }
 
 
-def losses(kind: str, form: str) -> Arguments:
-    case = tiny("strong" if form == "strong" else "mixed", **(KINDS | LAW_KINDS)[kind])
+def losses(kind: str, form: str, source: str = "") -> Arguments:
+    sourced = {"source": bool(source)}
+    case = tiny("strong" if form == "strong" else "mixed", **sourced, **(KINDS | LAW_KINDS)[kind])
     case = case.to(torch.float32) if kind == "one point" else learning(case)
     if kind == "plain" and form == "mixed":
-        case = with_gaps(tiny())
+        case = with_gaps(tiny(**sourced))
     if kind == "no points" and form != "mixed":
         case = case.part(0, 0)  # nothing at all
-    loss = as_tensors(case.loss, "fast" if kind == "shared points" else "fp32")
-    return (*loss[:12], form, *loss[13:])
-
-
-def losses_with_source(kind: str, form: Form, source: str) -> Arguments:
-    case = tiny(form, source=bool(source), **KINDS[kind])
-    return (*as_tensors(case.loss), case.source)
+    precision = "fast" if kind == "shared points" else "fp32"
+    return tuple(operands(case, precision, form != "data").values())
 
 
 def flow(
@@ -155,7 +166,7 @@ INPUTS: dict[str, dict[str, Make]] = {
     "network_jet_backward": rows(jet_adjoints, KINDS, CHANNELS),
     "residual_loss": rows(losses, KINDS, ("mixed", "strong", "data"))
     | rows(losses, LAW_KINDS, ("mixed", "strong"), share=2)
-    | rows(losses_with_source, ("plain", "shared points"), ("mixed", "strong"), ("source",)),
+    | rows(losses, ("plain", "shared points"), ("mixed", "strong"), ("source",)),
     "viscosity": rows(viscosities, (0, 1, 7), FLOATS, OWN, (False, True), share=3),
     "viscosity_backward": {
         name: lambda make=make: ((c := make())[0].detach().cos(), *map(_detached, c))

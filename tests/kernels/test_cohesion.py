@@ -9,16 +9,21 @@ import pytest
 import torch
 from torch import Tensor
 
-from .configurations import Form, problem, small
+from granpinn.kernels.network import views
+
+from .configurations import Form, Problem, problem, small
 
 LIMITS = (0.02, 1e-3, 1e3, 1e-4)  # d, eta_min, eta_max, p_floor
 FORMS: tuple[Form, ...] = ("mixed", "strong")
 
 
 def loss_of(ops: ModuleType, form: Form, theta: list[float], law: str) -> Any:
-    arguments = list(problem(small(form, points=40)).loss)
-    arguments[1], arguments[-1] = torch.tensor(theta, dtype=torch.float64), law
-    return ops.residual_loss(*arguments)
+    case = problem(small(form, points=40))
+    return loss_at(ops, case, theta, law)
+
+
+def loss_at(ops: ModuleType, case: Problem, theta: list[float], law: str) -> Any:
+    return ops.residual_loss(*case._replace(theta=case.params.new_tensor(theta), law=law))
 
 
 def viscosity(ops: ModuleType, rate: float, p: float, theta: list[float], law: str) -> Tensor:
@@ -54,22 +59,11 @@ def test_cohesive_grains_at_rest(p: float, c: float, eta: float, ops: ModuleType
 def test_the_residual_without_pressure(z: float, ops: ModuleType) -> None:
     """With p = 0, p / Y = 0: r = -w 2 D at any friction and any c, though |s| has no bound."""
     case = problem(small("mixed", points=40)).to(torch.float32)
-    params = case.params.clone()
-    # weights and bias of the output from which the pressure is made
-    width = case.widths[-2]
-    params[-5 * (width + 1) + 2 * width : -5 * (width + 1) + 3 * width] = 0
-    params[-3] = z
-    arguments = list(case.loss)
-    arguments[0] = params
-    expected = loss_at(ops, arguments, [0.4, 0.6, 0.3, 0.1], "cohesive")
+    W, b = views(case.params, case.spec.widths)[-1]
+    W[2], b[2] = 0, z  # of the output from which the pressure is made
+    expected = loss_at(ops, case, [0.4, 0.6, 0.3, 0.1], "cohesive")
     for result in expected:
         assert result.isfinite().all()
-    found = loss_at(ops, arguments, [0.5, 0.7, 0.3, 0.2], "cohesive")
+    found = loss_at(ops, case, [0.5, 0.7, 0.3, 0.2], "cohesive")
     assert expected[1][4] > 0
     torch.testing.assert_close(found[1][4], expected[1][4], rtol=1e-5, atol=0)
-
-
-def loss_at(ops: ModuleType, arguments: list[Any], theta: list[float], law: str) -> Any:
-    changed = [*arguments]
-    changed[1], changed[-1] = torch.tensor(theta), law
-    return ops.residual_loss(*changed)

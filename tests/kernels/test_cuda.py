@@ -11,7 +11,7 @@ from torch import Tensor
 
 from .configurations import Problem, problem, small
 from .devices import moved
-from .op_inputs import LAW, as_tensors, flow, jet_backward, raw_jets
+from .op_inputs import LAW, flow, jet_backward, operands, raw_jets
 from .step_inputs import update_arguments
 
 ops_ = torch.ops.granpinn
@@ -30,7 +30,7 @@ def test_loss_in_a_cuda_graph(form: str, dtype: torch.dtype, cuda_ops: ModuleTyp
         for draw in (0, 1)
     ]
     arguments, others = (
-        on_gpu((*as_tensors(case.to(dtype).loss)[:-3], form, case.law, "fp32")) for case in cases
+        on_gpu(tuple(operands(case.to(dtype), equations=form != "data").values())) for case in cases
     )
     captured = replayed(lambda: ops_.residual_loss(*arguments), arguments, others)
     for a, b in zip(captured, ops_.residual_loss(*others), strict=True):
@@ -80,18 +80,15 @@ def replayed(work: Any, arguments: list[Any], others: list[Any]) -> Any:
 def test_many_points_and_members_go_in_chunks(cuda_ops: ModuleType, cpu_ops: ModuleType) -> None:
     """More points than a chunk of the layered path, more members than a group."""
     case = problem(small("mixed", points=40_001, surface_points=20_001, members=24))
-    for a, b in zip(
-        cuda_ops.residual_loss(*case.loss), cpu_ops.residual_loss(*case.loss), strict=True
-    ):
+    for a, b in zip(cuda_ops.residual_loss(*case), cpu_ops.residual_loss(*case), strict=True):
         torch.testing.assert_close(a, b, rtol=1e-9, atol=1e-11 * float(b.abs().max()))
 
 
 def test_a_tensor_that_was_left_on_the_cpu(cuda_ops: ModuleType) -> None:
     case = problem(small("mixed"))
-    arguments = on_gpu(as_tensors(case.loss))
-    arguments[1] = case.theta
+    there = {name: moved(x, "cuda") for name, x in operands(case).items()}
     with pytest.raises(TypeError, match=r"theta must have the type and device of params.*cuda"):
-        ops_.residual_loss(*arguments)
+        ops_.residual_loss(**there | {"theta": case.theta})
 
 
 def test_strided_input_on_cuda(cuda_ops: ModuleType) -> None:

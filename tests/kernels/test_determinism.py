@@ -19,9 +19,9 @@ ROWS = [
 
 def outputs(ops: ModuleType, case: Problem) -> list[Tensor]:
     params = case.params.clone().requires_grad_()
-    jet = ops.network_jet(case.points, params, *case.network[2:], 2)
+    jet = ops.network_jet(case.batch.points, params, *case.network[2:], 2)
     (by_params,) = torch.autograd.grad(jet.square().sum(), params)
-    return [jet.detach(), by_params, *ops.residual_loss(*case.loss)]
+    return [jet.detach(), by_params, *ops.residual_loss(*case)]
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -35,7 +35,7 @@ def test_same_bits(
     first = outputs(cpu_ops, case)
     for _ in range(5):
         torch.set_num_threads(3 - threads)  # another count in between leaves no trace
-        cpu_ops.residual_loss(*case.loss)
+        cpu_ops.residual_loss(*case)
         torch.set_num_threads(threads)
         for a, b in zip(first, outputs(cpu_ops, case), strict=True):
             assert torch.equal(a, b)
@@ -48,7 +48,7 @@ def test_same_bits_on_cuda(row: Configuration, dtype: torch.dtype, cuda_ops: Mod
     case, other = problem(row).to(dtype), problem(small("mixed")).to(dtype)
     first = outputs(cuda_ops, case)
     for _ in range(250):
-        cuda_ops.residual_loss(*other.loss)
+        cuda_ops.residual_loss(*other)
         for a, b in zip(first, outputs(cuda_ops, case), strict=True):
             assert torch.equal(a, b)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
@@ -17,7 +16,7 @@ from granpinn.physics.laws import LAWS
 from granpinn.reference.equations import SMOOTHING, pressure
 
 from .configurations import Form, Problem, Regime, problem, small
-from .op_inputs import OWN
+from .op_inputs import OWN, learning
 
 LAW = (0.02, 1e-3, 1e3, 1e-4)  # d, eta_min, eta_max, p_floor
 FORMS = ("strong", "mixed")
@@ -51,7 +50,7 @@ def test_gradcheck_of_the_network(order: int, members: int | None, ops: ModuleTy
     case = tiny("mixed", members)
 
     def jet(params: Tensor) -> Any:
-        arguments = (case.points, params, *case.network[2:])
+        arguments = (case.batch.points, params, *case.network[2:])
         return ops.network_jet(*arguments, order) if order else ops.network_value(*arguments)
 
     gradcheck(jet, case.params)
@@ -62,22 +61,24 @@ def test_gradcheck_of_the_network(order: int, members: int | None, ops: ModuleTy
 def test_gradient_where_the_pressure_underflows(z: float, precision: str, ops: ModuleType) -> None:
     """softplus(z) is as good as zero, exp(-z) beyond float32: no NaN in any gradient."""
     case = problem(small("mixed", points=40, hidden=(40, 30))).to(torch.float32)
-    arguments = list(case.loss)
-    params = case.params.clone()
-    params[-3] = z  # bias of the output from which the pressure is made
-    arguments[0] = params
-    for result in ops.residual_loss(*arguments, precision):
+    case.params[-3] = z  # bias of the output from which the pressure is made
+    for result in ops.residual_loss(*case, precision=precision):
         assert result.isfinite().all()
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("form", [*FORMS, "data"])
-@pytest.mark.parametrize("members", [None, 2])
+# All laws in both forms; of an ensemble two laws, and of the data, which have no law, one.
+LOSSES = [(form, None, law) for form in FORMS for law in LAWS]
+LOSSES += [(form, 2, law) for form in FORMS for law in ("mu_of_i", "cohesive")]
+LOSSES += [("data", members, "mu_of_i") for members in (None, 2)]
+
+
+@pytest.mark.parametrize(("form", "members", "law"), LOSSES)
 def test_gradcheck_of_the_loss(form: str, members: int | None, law: str, ops: ModuleType) -> None:
     case = tiny("strong" if form == "strong" else "mixed", members, law)
 
     def loss(params: Tensor, theta: Tensor) -> Any:
-        return ops.residual_loss(params, theta, *case.loss[2:-2], form, case.law)[0]
+        moved = case._replace(params=params, theta=theta)
+        return ops.residual_loss(*moved, equations=form != "data")[0]
 
     gradcheck(loss, case.params, case.theta)
 
@@ -99,10 +100,8 @@ def test_gradient_on_both_sides_of_every_switch(
         "mu_of_i", reference.inertial_number(gamma_dot, p, d, p_floor), case.theta
     )
     eta_min, eta_max = (float((mu * p / gamma_dot).quantile(q)) for q in (0.3, 0.7))
-    case = replace(case, physics=[d, g_x, g_y, eta_min, eta_max, U, P, p_floor, *rest])
-    for got, exact in zip(
-        ops.residual_loss(*case.loss), reference.residual_loss(*case.loss), strict=True
-    ):
+    case = case._replace(physics=[d, g_x, g_y, eta_min, eta_max, U, P, p_floor, *rest])
+    for got, exact in zip(ops.residual_loss(*case), reference.residual_loss(*case), strict=True):
         assert exact.any()
         assert (got - exact).norm() <= 1e-10 * exact.norm()
 
@@ -117,12 +116,11 @@ def test_gradcheck_of_the_viscosity(law: str, ops: ModuleType) -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_backward_hands_out_the_returned_gradients(form: Form, ops: ModuleType) -> None:
-    case = tiny(form, 2)
-    params, theta = differentiable(case.params, case.theta)
-    loss, terms, grad_params, grad_theta = ops.residual_loss(params, theta, *case.loss[2:])
+    case = learning(tiny(form, 2))
+    loss, terms, grad_params, grad_theta = ops.residual_loss(*case)
     assert not any(x.requires_grad for x in (terms, grad_params, grad_theta))
     weights = torch.tensor([2.0, -3.0], dtype=torch.float64)
-    by_params, by_theta = torch.autograd.grad(loss, (params, theta), weights)
+    by_params, by_theta = torch.autograd.grad(loss, (case.params, case.theta), weights)
     assert by_params.any()
     assert by_theta.any()
     assert torch.equal(by_params, weights.unsqueeze(1) * grad_params)
@@ -131,13 +129,12 @@ def test_backward_hands_out_the_returned_gradients(form: Form, ops: ModuleType) 
 
 def test_second_derivatives_are_refused(ops: ModuleType) -> None:
     """A gradient of a gradient must raise: without its second-order part it would be wrong."""
-    case = tiny("mixed")
-    params, theta = differentiable(case.params, case.theta)
+    case = learning(tiny("mixed"))
     gamma_dot, p, law = differentiable(*flow(4))
     outputs: list[tuple[Tensor, Tensor]] = [
-        (ops.network_value(case.points, params, *case.network[2:]).square().sum(), params),
-        (ops.network_jet(case.points, params, *case.network[2:], 1).square().sum(), params),
-        (ops.residual_loss(params, theta, *case.loss[2:])[0].square(), params),
+        (ops.network_value(*case.network).square().sum(), case.params),
+        (ops.network_jet(*case.network, 1).square().sum(), case.params),
+        (ops.residual_loss(*case)[0].square(), case.params),
         (ops.viscosity(gamma_dot, p, law, *LAW).square().sum(), gamma_dot),
     ]
     for output, leaf in outputs:
@@ -181,8 +178,8 @@ def test_slope_of_jet_channels(channel: int, of: int, axis: int, ops: ModuleType
 
     direction = torch.zeros(3, dtype=torch.float64)
     direction[axis] = 1
-    derivative = jet(case.points, 2)[channel]
-    order = slope(lambda points: jet(points, 1)[of], case.points, direction, derivative)
+    derivative = jet(case.batch.points, 2)[channel]
+    order = slope(lambda points: jet(points, 1)[of], case.batch.points, direction, derivative)
     assert order == pytest.approx(2, abs=0.05)
 
 
@@ -192,7 +189,7 @@ def test_slope_of_the_jet_in_the_weights(order: int, ops: ModuleType) -> None:
     direction = unit(case.params)
 
     def jet(params: Tensor) -> Any:
-        arguments = (case.points, params, *case.network[2:])
+        arguments = (case.batch.points, params, *case.network[2:])
         jet: Tensor = ops.network_jet(*arguments, order) if order else ops.network_value(*arguments)
         return jet.square().sum()
 
@@ -208,12 +205,11 @@ def test_slope_of_the_loss(form: Form, variable: str, ops: ModuleType) -> None:
     at = getattr(case, variable)
     # along mu_s or mu_2 alone the strong loss is a parabola, exact at every step: go along I_0 too
     direction = unit(at)
-    _, _, grad_params, grad_theta = ops.residual_loss(*case.loss)
+    _, _, grad_params, grad_theta = ops.residual_loss(*case)
     gradient = grad_params if variable == "params" else grad_theta
 
     def loss(moved: Tensor) -> Any:
-        params, theta = (moved, case.theta) if variable == "params" else (case.params, moved)
-        return ops.residual_loss(params, theta, *case.loss[2:])[0]
+        return ops.residual_loss(*case._replace(**{variable: moved}))[0]
 
     assert slope(loss, at, direction, gradient @ direction) == pytest.approx(2, abs=0.05)
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
+from torch import Tensor
+from torch.utils._pytree import tree_map_only
 
 from granpinn import reference
 from granpinn.kernels import ops
 
-from .configurations import Form, problem, small
+from .configurations import Form, Problem, problem, small
 
 FORMS = ("strong", "mixed")
 
@@ -20,10 +24,9 @@ def test_derivatives_by_an_invariant_input(
     form: Form, without: tuple[int, ...], dtype: torch.dtype, device: torch.device
 ) -> None:
     case = problem(small(form))
-    params, points = case.loss[0], case.loss[2]
-    widths, shift, scale = case.loss[8:11]
-    factors = [0.0 if k in without else float(f) for k, f in enumerate(scale)]
-    network = (widths, [float(s) for s in shift], factors)
+    points, params, widths, shift, scale = case.network
+    factors = [0.0 if k in without else f for k, f in enumerate(scale)]
+    network = (widths, shift, factors)
     arguments = [a.to(device, dtype) for a in (points, params)]
     jet = ops.network_jet(*arguments, *network, 2)
     expected = reference.network_jet(points, params, *network, 2)
@@ -43,17 +46,14 @@ def test_derivatives_by_an_invariant_input(
 @pytest.mark.parametrize("form", FORMS)
 def test_the_loss_does_not_depend_on_an_invariant_input(form: Form, device: torch.device) -> None:
     """Nor does its gradient by the weights of this input differ from 0."""
-    case = problem(small(form))
-    loss = [a.to(device) if isinstance(a, torch.Tensor) else a for a in case.loss]
-    loss[10] = torch.as_tensor(loss[10]).to(loss[0]).clone()
-    loss[10][2] = 0.0
-    found = ops.residual_loss(*loss)
-    moved = list(loss)
-    for k in (2, 5):
-        moved[k] = loss[k].clone()
-        moved[k][:, 2] += 0.7
-    for ours, other in zip(found, ops.residual_loss(*moved), strict=True):
+    case: Problem = tree_map_only(Tensor, lambda x: x.to(device), problem(small(form)))
+    case = case._replace(spec=replace(case.spec, input_scale=(*case.spec.input_scale[:2], 0.0)))
+    found = ops.residual_loss(*case)
+    later = case.params.new_tensor([0.0, 0.0, 0.7])
+    points, surface_points = case.batch.points + later, case.batch.surface_points + later
+    batch = case.batch._replace(points=points, surface_points=surface_points)
+    for ours, other in zip(found, ops.residual_loss(*case._replace(batch=batch)), strict=True):
         assert torch.equal(ours, other)
-    first = found[2][: 3 * loss[8][1]].view(-1, 3)  # of W in the first layer
+    first = found[2][: 3 * case.spec.widths[1]].view(-1, 3)  # of W in the first layer
     assert (first[:, 2] == 0).all()
     assert (first[:, :2] != 0).any()

@@ -9,6 +9,8 @@ import pytest
 import torch
 
 from granpinn import reference
+from granpinn.kernels.network import NetworkSpec
+from granpinn.physics.terms import LossPoints
 
 from .configurations import Form, problem, small
 from .manufactured import CASES, PHYSICS, exact, manufactured
@@ -54,18 +56,18 @@ def test_jet_of_an_affine_network_by_hand() -> None:
 @pytest.mark.parametrize("form", FORMS)
 def test_gradient_of_the_loss_against_differences(form: Form) -> None:
     case = problem(small(form))
-    _, _, *gradients = reference.residual_loss(*case.loss)
+    _, _, *gradients = reference.residual_loss(*case)
     rng = torch.Generator().manual_seed(1)
-    for i, gradient in enumerate(gradients):
+    for name, gradient in zip(("params", "theta"), gradients, strict=True):
         direction = torch.randn(gradient.shape, generator=rng, dtype=torch.float64)
         h = 1e-6
 
-        def loss(step: float, i: int = i, direction: torch.Tensor = direction) -> torch.Tensor:
-            arguments = list(case.loss)
-            arguments[i] = arguments[i] + step * direction
-            return reference.residual_loss(*arguments)[0]
-
-        difference = (loss(h) - loss(-h)) / (2 * h)
+        at = getattr(case, name)
+        ahead, behind = (
+            reference.residual_loss(*case._replace(**{name: at + step * direction}))[0]
+            for step in (h, -h)
+        )
+        difference = (ahead - behind) / (2 * h)
         torch.testing.assert_close(gradient @ direction, difference, rtol=1e-6, atol=1e-8)
 
 
@@ -76,21 +78,17 @@ def test_terms_by_hand() -> None:
     U, P, g_x, g_y = 2.0, 0.5, 0.6, -0.8
     physics = [0.02, g_x, g_y, 0.0, 1e4, U, P, 1e-4, math.inf, 0.25, 0.3]
     p = P * np.log(2)  # softplus(0)
-    one = torch.ones(2, dtype=torch.float64)
-    terms = reference.loss_terms(
-        params,
-        torch.tensor([0.375, 0.6875, 0.28125], dtype=torch.float64),
-        torch.zeros(2, 3, dtype=torch.float64),
-        torch.tensor([[0.6, -0.4], [0.0, 0.0]], dtype=torch.float64),
-        torch.tensor([[1.0, 1.0], [0.5, 3.0]], dtype=torch.float64),
-        torch.zeros(2, 3, dtype=torch.float64),
-        0 * one,
-        [3, 5],
-        [0.0, 0.0, 0.0],
-        [1.0, 1.0, 1.0],
-        physics,
-        "mixed",
+    theta = torch.tensor([0.375, 0.6875, 0.28125], dtype=torch.float64)
+    none = torch.zeros(2, 3, dtype=torch.float64)
+    batch = LossPoints(
+        points=none,
+        velocity=torch.tensor([[0.6, -0.4], [0.0, 0.0]], dtype=torch.float64),
+        point_weights=torch.tensor([[1.0, 1.0], [0.5, 3.0]], dtype=torch.float64),
+        surface_points=none,
+        surface_pressure=none[:, 0],
     )
+    spec = NetworkSpec((3, 5), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), "mixed")
+    terms = reference.loss_terms(params, theta, batch, spec, physics)
     velocity = 0.5 * (0.6**2 + 0.4**2) / 4
     friction = 0.25 * p / math.sqrt(0.6**2 + 0.4**2 + 0.3**2)
     forces = (g_x - friction * 0.6, g_y + friction * 0.4)

@@ -34,11 +34,13 @@ def single(index: int) -> Problem:
 def test_the_fused_loss_is_that_of_its_jets(index: int, ops: ModuleType) -> None:
     """Network, jets and equations in separate ops give the terms of the fused loss."""
     case = single(index)
-    jets = ops.network_jet(*case.network, 2 if case.form == "strong" else 1)
-    e = ops.pointwise_residuals(jets, case.theta, case.physics, case.form, case.law)
-    w_f = case.point_weights[:, 1:]
-    N = len(case.points)
-    _, terms, _, _ = ops.residual_loss(*case.loss)
+    jets = ops.network_jet(*case.network, 2 if case.spec.form == "strong" else 1)
+    e = ops.pointwise_residuals(jets, case.theta, case.physics, case.spec.form, case.law)
+    if case.batch.source is not None:
+        e[:, :2] -= case.batch.source
+    w_f = case.batch.point_weights[:, 1:]
+    N = len(case.batch.points)
+    _, terms, _, _ = ops.residual_loss(*case)
     expected = torch.stack([(w_f * part**2).sum() for part in (e[:, :2], e[:, 2:3], e[:, 3:])])
     torch.testing.assert_close(terms[2:], expected / (2 * N), rtol=1e-11, atol=0)
 
@@ -56,10 +58,11 @@ def test_strong_residual_of_either_network(index: int, ops: ModuleType) -> None:
 def test_loss_and_gradient_in_float64(form: str, members: int | None, ops: ModuleType) -> None:
     """Every output of the fused loss, to the last digits; "data" leaves the equations out."""
     case = problem(small("strong" if form == "strong" else "mixed", members=members))
-    arguments = (*case.loss[:-2], form, case.law)
     names = ("loss", "terms", "grad_params", "grad_theta")
-    exact = dict(zip(names, reference.residual_loss(*arguments), strict=True))
-    got = dict(zip(names, ops.residual_loss(*arguments), strict=True))
+    exact, got = (
+        dict(zip(names, module.residual_loss(*case, equations=form != "data"), strict=True))
+        for module in (reference, ops)
+    )
     for name in names:
         torch.testing.assert_close(
             got[name], exact[name], rtol=1e-9, atol=1e-11 * float(exact[name].abs().max())
@@ -72,9 +75,9 @@ def test_loss_and_gradient_in_float64(form: str, members: int | None, ops: Modul
 def test_members_of_an_ensemble_are_independent(ops: ModuleType) -> None:
     """An ensemble gives, bit for bit, what its members give alone."""
     case = problem(small("mixed", members=3)).to(torch.float32)
-    together = ops.residual_loss(*case.loss)
+    together = ops.residual_loss(*case)
     for e in range(3):
-        for one, all_ in zip(ops.residual_loss(*case.member(e).loss), together, strict=True):
+        for one, all_ in zip(ops.residual_loss(*case.member(e)), together, strict=True):
             assert torch.equal(one, all_[e])
 
 

@@ -60,10 +60,10 @@ def test_fused_loss(
     network = "strong" if form == "strong" else "mixed"
     sizes = {"points": points or MANY[form], "surface_points": 19, "hidden": hidden}
     case = problem(small(network, law=law, **sizes))
-    arguments = (*case.to(torch.float32).loss[:-2], form, case.law)
-    loss, _, grad_params, _ = cuda_ops.residual_loss(*arguments, precision)
-    exact = reference.residual_loss(*case.loss[:-2], form, case.law)
-    yardstick = reference.residual_loss(*arguments)
+    low, equations = case.to(torch.float32), form != "data"
+    loss, _, grad_params, _ = cuda_ops.residual_loss(*low, precision=precision, equations=equations)
+    exact = reference.residual_loss(*case, equations=equations)
+    yardstick = reference.residual_loss(*low, equations=equations)
     for index, found, unit in (
         (0, loss, EPSILON),
         (2, grad_params, TF32 if precision == "fast" else EPSILON),
@@ -87,9 +87,9 @@ def test_layered_loss(
 ) -> None:
     """float64, and layers that the fused kernels do not take."""
     case = problem(small(form, law=law, hidden=hidden, members=members))
-    found = cuda_ops.residual_loss(*case.to(dtype).loss)
-    exact = reference.residual_loss(*case.loss)
-    yardstick = reference.residual_loss(*case.to(dtype).loss)
+    found = cuda_ops.residual_loss(*case.to(dtype))
+    exact = reference.residual_loss(*case)
+    yardstick = reference.residual_loss(*case.to(dtype))
     for index in (0, 2):
         autograd = relative(yardstick[index], exact[index])
         unit = torch.finfo(dtype).eps
@@ -99,7 +99,7 @@ def test_layered_loss(
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_jet_and_its_gradient(order: int, cuda_ops: ModuleType) -> None:
     case = problem(small("mixed", members=2))
-    network = (case.points, case.params.requires_grad_(), *case.network[2:])
+    network = (case.batch.points, case.params.requires_grad_(), *case.network[2:])
     found, exact = (
         torch.autograd.grad(ops.network_jet(*network, order).square().sum(), case.params)[0]
         for ops in (cuda_ops, torch_ops())

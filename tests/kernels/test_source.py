@@ -5,7 +5,6 @@ The table of K-1 has rows with a source, and so have the inputs of opcheck (K-3)
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
@@ -19,6 +18,7 @@ from granpinn.training.sampling import INTERIOR
 from .accuracy import EPSILON, GROSS_FACTOR
 from .configurations import SHARED, Form, Problem, problem, small
 from .manufactured import PHYSICS, manufactured
+from .op_inputs import learning
 from .step_inputs import MEMBERS, SIZES, STEP, batch_arguments, loss_arguments, source
 from .test_gradients import gradcheck
 from .test_small_work import MANY, TF32, relative
@@ -28,6 +28,10 @@ FORMS: tuple[Form, ...] = ("mixed", "strong")
 
 def posed(form: Form, **changes: Any) -> Problem:
     return problem(small(form, **({"points": 5, "hidden": (6, 4), "source": True} | changes)))
+
+
+def with_source(case: Problem, source: Tensor | None) -> Problem:
+    return case._replace(batch=case.batch._replace(source=source))
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -49,7 +53,7 @@ def test_gradcheck(form: Form, members: int | None, ops: ModuleType) -> None:
     case = posed(form, members=members)
 
     def loss(params: Tensor, theta: Tensor) -> Any:
-        return ops.residual_loss(params, theta, *case.loss[2:], source=case.source)[0]
+        return ops.residual_loss(*case._replace(params=params, theta=theta))[0]
 
     gradcheck(loss, case.params, case.theta)
 
@@ -60,13 +64,11 @@ def test_a_source_of_zero_has_the_bits_of_none(
     form: Form, dtype: torch.dtype, ops: ModuleType
 ) -> None:
     case = posed(form, points=70, hidden=(40, 33), members=2).to(dtype)
-    assert case.source is not None
-    none = ops.residual_loss(*case.loss)
-    for a, b in zip(
-        ops.residual_loss(*case.loss, source=torch.zeros_like(case.source)), none, strict=True
-    ):
+    none = ops.residual_loss(*with_source(case, None))
+    zero = with_source(case, torch.zeros_like(case.batch.velocity))
+    for a, b in zip(ops.residual_loss(*zero), none, strict=True):
         assert torch.equal(a, b)
-    assert not torch.equal(ops.residual_loss(*case.loss, source=case.source)[0], none[0])
+    assert not torch.equal(ops.residual_loss(*case)[0], none[0])
 
 
 @pytest.mark.parametrize("shared", [False, True])
@@ -75,30 +77,27 @@ def test_members_have_their_own_source_or_share_one(
     form: Form, shared: bool, ops: ModuleType
 ) -> None:
     case = posed(form, members=3, **({"index": SHARED} if shared else {}))
-    assert case.source is not None
-    assert case.source.ndim == (2 if shared else 3)
-    together = ops.residual_loss(*case.loss, source=case.source)
+    assert case.batch.source is not None
+    assert case.batch.source.ndim == (2 if shared else 3)
+    together = ops.residual_loss(*case)
     for e in range(3):
-        own = case.member(e)
-        alone = ops.residual_loss(*own.loss, source=own.source)
-        for a, b in zip(together, alone, strict=True):
+        for a, b in zip(together, ops.residual_loss(*case.member(e)), strict=True):
             assert torch.equal(a[e], b)
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_nothing_wrong_is_swallowed(form: Form, ops: ModuleType) -> None:
     case = posed(form)
-    assert case.source is not None
-    damaged = case.source.clone()
-    damaged[-1, -1] = torch.nan
-    assert ops.residual_loss(*case.loss, source=damaged)[0].isnan()
+    assert case.batch.source is not None
+    source = case.batch.source.clone()
     with pytest.raises(ValueError, match=r"source must be \[5, 2\], got \[4, 2\]"):
-        ops.residual_loss(*case.loss, source=case.source[:4])
+        ops.residual_loss(*with_source(case, source[:4]))
     with pytest.raises(TypeError, match="source must have the type and device of params"):
-        ops.residual_loss(*case.loss, source=case.source.to(torch.float32))
-    learning = replace(case, params=case.params.clone().requires_grad_())
+        ops.residual_loss(*with_source(case, source.to(torch.float32)))
     with pytest.raises(ValueError, match="source must not require a gradient"):
-        ops.residual_loss(*learning.loss, source=case.source.requires_grad_())
+        ops.residual_loss(*learning(with_source(case, source.clone().requires_grad_())))
+    source[-1, -1] = torch.nan
+    assert ops.residual_loss(*with_source(case, source))[0].isnan()
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
@@ -142,9 +141,9 @@ def test_fused_loss_on_the_gpu(
     sizes = {"points": points or MANY[form], "surface_points": 19, "hidden": hidden}
     case = posed(form, law=law, members=2, **sizes)
     low = case.to(torch.float32)
-    found = cuda_ops.residual_loss(*low.loss, precision, source=low.source)
-    exact = reference.residual_loss(*case.loss, source=case.source)
-    yardstick = reference.residual_loss(*low.loss, source=low.source)
+    found = cuda_ops.residual_loss(*low, precision=precision)
+    exact = reference.residual_loss(*case)
+    yardstick = reference.residual_loss(*low)
     for index, unit in ((0, EPSILON), (2, TF32 if precision == "fast" else EPSILON)):
         autograd = relative(yardstick[index], exact[index])
         assert relative(found[index], exact[index]) <= GROSS_FACTOR * max(unit, autograd)
@@ -153,9 +152,5 @@ def test_fused_loss_on_the_gpu(
 @pytest.mark.parametrize("form", FORMS)
 def test_layered_loss_on_the_gpu(form: Form, cuda_ops: ModuleType, cpu_ops: ModuleType) -> None:
     case = posed(form, points=300, hidden=(17, 8), members=3)
-    for a, b in zip(
-        cuda_ops.residual_loss(*case.loss, source=case.source),
-        cpu_ops.residual_loss(*case.loss, source=case.source),
-        strict=True,
-    ):
+    for a, b in zip(cuda_ops.residual_loss(*case), cpu_ops.residual_loss(*case), strict=True):
         torch.testing.assert_close(a, b, rtol=1e-9, atol=1e-11 * float(b.abs().max()))

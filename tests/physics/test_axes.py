@@ -10,8 +10,7 @@ import pytest
 import torch
 
 from granpinn.data import training_set
-from granpinn.data.points import RESOLUTION
-from granpinn.data.scaling import scales_of
+from granpinn.data.scaling import RESOLUTION, scales_of
 from granpinn.physics.axes import LARGEST_TILT, Axes
 from tests.flows import make_flow
 

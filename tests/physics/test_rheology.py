@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.physics.laws import LAWS, Law
+from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.rheology import by_parameters, inertial_number
 
 STEP = 1e-6  # relative
@@ -25,7 +25,7 @@ def test_inertial_number_takes_the_size_of_the_pressure() -> None:
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=lambda law: law.name)
-def test_derivatives_by_parameters_are_those_of_differences(law: Law) -> None:
+def test_derivatives_by_parameters_are_those_of_differences(law: FrictionLaw) -> None:
     I, theta = np.geomspace(1e-3, 1, 7), np.array([p.typical for p in law.parameters])
     found = by_parameters(law, I, theta)
     assert found.shape == (7, len(theta))

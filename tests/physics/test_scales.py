@@ -12,7 +12,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from granpinn.data.scaling import initial_height, material_of, scales_of
+from granpinn.data.scaling import equation_constants, initial_height, scales_of
 from granpinn.physics.scales import Quantity, Scales
 from tests.flows import make_flow
 
@@ -98,11 +98,11 @@ def test_round_trip_of_points(points: list[tuple[float, float, float]]) -> None:
 
 
 def test_material() -> None:
-    material = material_of(replace(FLOW, gravity=(3.0, -4.0)), SCALES)
+    material = equation_constants(replace(FLOW, gravity=(3.0, -4.0)), SCALES)
     assert material.grain_diameter == pytest.approx(FLOW.grain_diameter / SCALES.length)
     assert material.gravity == pytest.approx((0.6, -0.8))
     assert material.eta_max == pytest.approx(1e4 / (SCALES.pressure * SCALES.time))
-    assert material_of(replace(FLOW, eta_min=None), SCALES).eta_min is None
+    assert equation_constants(replace(FLOW, eta_min=None), SCALES).eta_min is None
 
 
 def test_units_of_the_file_do_not_matter() -> None:
@@ -125,8 +125,8 @@ def test_units_of_the_file_do_not_matter() -> None:
         SCALES.points_to_dimensionless(FLOW.x[:9], FLOW.y[:9], FLOW.t[:9]),
         rtol=1e-12,
     )
-    assert material_of(small, scales).grain_diameter == pytest.approx(
-        material_of(FLOW, SCALES).grain_diameter, rel=1e-12
+    assert equation_constants(small, scales).grain_diameter == pytest.approx(
+        equation_constants(FLOW, SCALES).grain_diameter, rel=1e-12
     )
     assert scales.velocity == pytest.approx(SCALES.velocity, rel=1e-12)
 

@@ -13,10 +13,10 @@ import pytest
 
 from granpinn import report
 from granpinn.command import exit_codes
+from granpinn.commands.report import main
 from granpinn.figures import album, curves, maps
 from granpinn.figures.style import Drawing, new_figure
 from granpinn.physics.laws import DEFAULT
-from granpinn.report.__main__ import main
 from granpinn.results import write_results
 from granpinn.training.history import HistoryFileError, columns, read_history
 from tests.examples import make_result
@@ -198,7 +198,7 @@ def test_it_runs_as_a_module(
 ) -> None:
     monkeypatch.setattr(exit_codes, "guard_process", lambda command: None)
     monkeypatch.setattr(sys, "argv", ["granpinn.report", str(tmp_path)])
-    monkeypatch.delitem(sys.modules, "granpinn.report.__main__")
+    monkeypatch.delitem(sys.modules, "granpinn.report.__main__", raising=False)
     with pytest.raises(SystemExit) as caught:
         runpy.run_module("granpinn.report", run_name="__main__")
     assert_refused(capsys, int(str(caught.value.code)), 2, "does not exist")

@@ -56,6 +56,16 @@ ITEMS = [*EXAMPLE.parameters.items()]
 LARGE_MU_2 = Parameters(
     dict(ITEMS) | {"mu_2": Parameter(0.7, fixed=False, interval_90=(0.11, 4.95))}
 )
+assert EXAMPLE.determined is not None
+LOST_MU_2 = {
+    "parameters": Parameters(dict(ITEMS) | {"mu_2": Parameter(0.7, False, determined=False)}),
+    "determined": replace(
+        EXAMPLE.determined,
+        lost=("mu_2",),
+        wide=("mu_2",),
+        raw_interval_90={"mu_2": (0.11, 4.95)},
+    ),
+}
 ALIKE = Parameters(mu_s=Parameter(0.4, fixed=False))
 LAWS = (
     ComparedLaw("coulomb", ALIKE, 0.0, ("power",)),
@@ -119,16 +129,17 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "unbalanced": ({"residuals": residuals(0.06)}, "care", "The equations hold less well than"),
     "balanced": ({"residuals": residuals(0.05)}, "good", "mu(I) is known to"),
     "useless, short": (
-        {"law": law(2.0), "parameters": LARGE_MU_2, "timing": SHORT},
+        {"law": law(2.0), "timing": SHORT} | LOST_MU_2,
         "do not use",
-        "mu_2 is known to a factor of 6.7: 0.7 (0.11 to 4.95) (90 %). Train longer: about 18,000",
+        "mu_2 is not determined: its 90 % interval spans a factor of 45. Train longer: about 18,",
     ),
     "useless, long": (
         {"law": law(1.8), "timing": LONG},
         "do not use",
-        "(90 % intervals): these data do not tell more.",
+        "mu(I) is not determined at I = 0.01: its 90 % interval spans a factor of 3.2; these data",
     ),
     "wide": ({"law": law(1.2)}, "care", "mu(I) is known to +- 18 %"),
+    "only mu_2 is not determined": ({"law": law(1.05)} | LOST_MU_2, "good", "+- 4.9 %"),
     "only mu_2 is wide": ({"law": law(1.05), "parameters": LARGE_MU_2}, "good", "+- 4.9 %"),
     "no errors": (without_bars(), "care", "The errors are not known: too few steps."),
     "no band": ({"law": law(None)}, "good", "mu_s is known to +- 4.9 %: 0.41 (0.39 to 0.43)"),

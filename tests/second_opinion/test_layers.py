@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn import results, train
+from granpinn import results
 from granpinn.checks.resimulation import resimulate
+from granpinn.commands import train
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion import layers, simulated_pressure

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from bench.studies.simulator_validation.balance import frames, merge, momentum_balance, regression
 from granpinn.simulation import Collapse
+from tests.simulation.momentum import frames, merge, momentum_balance, regression
 
 
 def test_friction_law_comes_back_by_regression_with_the_true_pressure() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import granpinn
-import granpinn.simulate as command
+from granpinn.commands import simulate as command
 from granpinn.config import ConfigError
 from granpinn.data.symmetry import invariant_axes, words
 from granpinn.simulation import Chute, Engine, Scene

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import granpinn
-import granpinn.simulate as command
+from granpinn.commands import simulate as command
 from granpinn.config import ConfigError
 from granpinn.data import Truth
 from granpinn.figures.animation import animate
@@ -27,7 +27,7 @@ TALKATIVE = """
 import signal
 import sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background ignores it
-import granpinn.simulate as command
+from granpinn.commands import simulate as command
 from granpinn.simulation.progress import SimulationLines
 command.automatic = lambda: SimulationLines(every=0.0)
 sys.exit(command.main(sys.argv[1:]))
@@ -82,12 +82,6 @@ def test_python_call_gives_the_same_flow(tmp_path: Path) -> None:
     flow = granpinn.simulate(mu_s=0.3, mu_2=0.5, **COARSE)
     command.main(["--mu-s", "0.3", "--mu-2", "0.5", *FLAGS, "--out", str(tmp_path / "flow.h5")])
     np.testing.assert_array_equal(flow.u, granpinn.read_flow(tmp_path / "flow.h5").u)
-
-
-def test_module_of_the_command_is_callable_like_the_function() -> None:
-    """Importing granpinn.simulate replaces the package's attribute of that name."""
-    assert command is sys.modules["granpinn.simulate"]
-    assert command(mu_s=0.3, mu_2=0.5, **{**COARSE, "t_end": 0.1, "frames": 2}).u.shape[0] == 2
 
 
 @pytest.mark.parametrize(

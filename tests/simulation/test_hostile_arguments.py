@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import granpinn
-import granpinn.simulate as command
 from granpinn import _collapse
+from granpinn.commands import simulate as command
 from granpinn.config import ConfigError
 from granpinn.simulation import Collapse, run
 
@@ -151,7 +151,7 @@ def test_threads_that_do_not_start_are_one_sentence(tmp_path: Path) -> None:
     """Address space for a few stacks of threads only."""
     code = (
         "import resource, sys, threading\n"
-        "import granpinn.simulate as command\n"
+        "from granpinn.commands import simulate as command\n"
         "from granpinn.simulation.engine import Engine\n"
         "pages = int(open('/proc/self/statm').read().split()[0])\n"
         "limit = pages * resource.getpagesize() + 2**26\n"

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import granpinn
-import granpinn.simulate as command
 from granpinn.checks.resimulation import resimulate
+from granpinn.commands import simulate as command
 from granpinn.data import read_flow
 from granpinn.data.flow import Walls
 from granpinn.data.walls import segments_of

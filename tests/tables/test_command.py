@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from granpinn.commands.tables import main, parse
 from granpinn.config import ConfigError
 from granpinn.data import Truth, read_flow, write_flow
 from granpinn.tables import flows
-from granpinn.tables.__main__ import main, parse
 from tests.flows import make_flow
 from tests.page import Page
 
@@ -145,14 +145,14 @@ def test_the_terminal_shows_both(
     [
         ([], "--out, the folder of the tables, is missing"),
         (["--out", "o", "--noise", "0.2", "0.2"], "levels that differ, got 0.2 0.2"),
-        (["--out", "o", "--noise", "-1"], "numbers from 0 to 100, got -1"),
-        (["--out", "o", "--noise", "nan"], "numbers from 0 to 100, got nan"),
-        (["--out", "o", "--seeds", "0"], "--seeds must be a number of trainings, 1 to 1000, got 0"),
-        (["--out", "o", "--seeds", "two"], "invalid whole value: 'two'"),
+        (["--out", "o", "--noise", "-1"], "--noise must be in [0, 100], got -1"),
+        (["--out", "o", "--noise", "nan"], "--noise must be a number, got nan"),
+        (["--out", "o", "--seeds", "0"], "--seeds must be in [1, 1000], got 0"),
+        (["--out", "o", "--seeds", "two"], "--seeds must be a whole number, got 'two'"),
         (["--out", "o", "--level", "V3"], "--level must be one of V0, V1, V2, got 'V3'"),
         (["--out", "o", "--level", "V1", "V1"], "--level must be levels that differ, got V1 V1"),
         (["--out", "o", "--recipe", "secret"], "--recipe must be one of default, paper"),
-        (["--out", "o", "--I0", "0"], "--I0 must be positive, got 0"),
+        (["--out", "o", "--I0", "0"], "--I0 must be positive and at most 1e+30, got 0"),
         (["flow.h5", "--out", "o", "--stride", "2"], "--stride is for simulated flows"),
         (["--out", "o", "--cells", "100"], "cells must be a multiple of 8"),
         (["nowhere.h5", "--out", "o"], "nowhere.h5"),
@@ -204,7 +204,7 @@ def test_every_level_is_a_batch_and_a_table(
 def test_the_paper_recipe_brings_its_level_and_form() -> None:
     request = parse(["--out", "o", "--recipe", "paper", "--steps", "100"])
     assert (request.config.level, request.config.form) == ("V2", "strong")
-    assert (request.config.steps, request.noise) == (100, [0.0, 0.2, 0.8])
+    assert (request.config.steps, request.noise) == (100, (0.0, 0.2, 0.8))
 
 
 def test_simulated_flows_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

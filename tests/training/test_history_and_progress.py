@@ -157,18 +157,19 @@ def test_lines_say_what_a_log_needs() -> None:
 
 def test_one_time_left_counts_all_stages(monkeypatch: pytest.MonkeyPatch) -> None:
     """100 steps of PACE each, then stages of 10 s, 2 s, 5 s; the machine gets busy on the way."""
-    now = 1000.0
+    now, cpu = 1000.0, 0.0
     monkeypatch.setattr(progress.time, "monotonic", lambda: now)
+    monkeypatch.setattr(progress.time, "process_time", lambda: cpu)
     lines = Lines(io.StringIO(), every=0.0, last=[Stage("figures", seconds=5.0)])
     lines.plan([Stage("error bars", steps=1250), Stage("checks", seconds=2.0)], None, 1)
     lines.start(1000, 0)
     assert lines.words == ""
     for step in (250, 500):
-        now += 250 * PACE
+        now, cpu = now + 250 * PACE, cpu + 500 * PACE
         lines.show(row(step))
     assert lines.left == pytest.approx(500 * PACE + 1250 * PACE + 2 + 5)
     assert lines.done == pytest.approx(4 / (4 + lines.left))
-    now += 500 * 3 * PACE
+    now, cpu = now + 500 * 3 * PACE, cpu + 1.5 * 500 * PACE  # half a core in place of two
     lines.show(row(1000))
     assert lines.left == pytest.approx(3 * (1250 * PACE + 2 + 5))
     lines.stop()
@@ -203,10 +204,11 @@ def test_the_bar_shows_steps_terms_and_values(capsys: pytest.CaptureFixture[str]
     bar.total(8)
     bar.message("a [bracket] is no markup")
     bar.show(row(8))
-    bar.stop()
+    bar.live.refresh()
     (task,) = bar.bar.tasks
     assert (task.description, task.fields["left"]) == ("fit 8/8", "0:00 left")
     assert bar.text.startswith("mu_s 0.4000")
+    bar.stop()
     text = capsys.readouterr().err
     assert "a [bracket] is no markup" in text
 

@@ -58,7 +58,7 @@ def every_point(data: TrainingSet, features: Features) -> Data:
 
 
 def sums_of(posed: Problem, data: TrainingSet, params: Tensor) -> Sums:
-    features = Features(posed.spec, params)
+    features = Features(posed.spec, params, posed.window)
     return Sums(features, posed, DEFAULT, every_point(data, features))
 
 
@@ -82,12 +82,9 @@ def test_loss_and_gradient_are_those_of_the_fused_loss(
         data = dataclasses.replace(data, source=data.velocity.flip(0))
     at = Unknowns(coefficients(SPEC, params), THETA)
     sums = sums_of(problem(), data, params)
-    of_data = (data.points, data.velocity, data.point_weights)
-    of_surface = (data.surface_points, data.surface_pressure)
-    rest = (SPEC.widths, SPEC.input_shift, SPEC.input_scale, PHYSICS, "mixed")
     weights = torch.tensor(WEIGHTS, dtype=torch.float64)
     loss, _, by_params, by_theta = ops.residual_loss(
-        params, THETA, *of_data, *of_surface, weights, *rest, source=data.source
+        params, THETA, data.loss_points, weights, SPEC, PHYSICS
     )
     assert sums.loss(at) == pytest.approx(float(loss), rel=1e-12)
     A, b = sums.normal_equations(at)
@@ -98,16 +95,32 @@ def test_loss_and_gradient_are_those_of_the_fused_loss(
     assert float((A - A.T).abs().max()) <= 1e-12 * float(A.abs().max())
 
 
-def test_a_step_finds_the_exact_solution_of_a_linear_problem(seed: int) -> None:
-    """The velocity of other coefficients of u and v."""
+def test_vectors_are_means_over_their_window_to_fourth_order(seed: int) -> None:
+    params, points = initial_parameters(SPEC, seed), draw(seed, points=50).points
+    place = (torch.arange(16, dtype=torch.float64) + 0.5) / 16 - 0.5
+    grid = torch.cartesian_prod(place, place, place.new_zeros(1))
+    errors = []
+    for window in (0.4, 0.2):
+        features = Features(SPEC, params, window)
+        exact = torch.stack([features.jet(points + window * g, 0)[0] for g in grid]).mean(0)
+        errors.append(float((features.of_vectors(points) - exact).abs().max()))
+    middle = Features(SPEC, params).of_vectors(points)
+    assert errors[1] < errors[0] / 8  # 1/16, and that of the sum over 16 x 16 places
+    assert errors[1] < 0.1 * float((middle - exact).abs().max())
+
+
+@pytest.mark.parametrize("window", [0.0, 0.3])
+def test_a_step_finds_the_exact_solution_of_a_linear_problem(seed: int, window: float) -> None:
+    """The velocity of other coefficients of u and v, measured in windows or at points."""
     params, data = initial_parameters(SPEC, seed), draw(seed)
     C = coefficients(SPEC, params)
     g = torch.Generator().manual_seed(seed + 1)
     C[:2] += torch.randn(2, 8, generator=g, dtype=torch.float64)
-    h = Features(SPEC, params).jet(data.points, 0)[0]
+    h = Features(SPEC, params, window).of_vectors(data.points)
     data = dataclasses.replace(data, velocity=PHYSICS.velocity_scale * h @ C[:2].T)
     # So little of the rest that it only makes the other unknowns unknowns of the problem.
-    sums = sums_of(problem(1, 1e-14, 1e-14, 1e-14, 1e-14), data, params)
+    posed = dataclasses.replace(problem(1, 1e-14, 1e-14, 1e-14, 1e-14), window=window)
+    sums = sums_of(posed, data, params)
     start = Unknowns(coefficients(SPEC, params), THETA)
     x = solve(*sums.normal_equations(start), 2, ridge=1e-13)
     assert x is not None

@@ -62,7 +62,7 @@ def test_a_notebook_shows_one_line_without_being_asked(flow: Flow, notebook: Out
     assert "left" not in last["text/plain"]
     assert '<progress value="1.000" max="1">' in last["text/html"]
     names = [content["text/plain"].split()[0] for content in notebook.contents]
-    assert list(dict.fromkeys(names)) == ["fit", "error", "checks", "done"]
+    assert list(dict.fromkeys(names)) == ["fit", "last", "error", "checks", "done"]
 
 
 @pytest.mark.parametrize("shell", [None, Shell("TerminalIPythonApp")])

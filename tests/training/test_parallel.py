@@ -15,7 +15,7 @@ import pytest
 import torch
 
 from granpinn import identify, identify_many, results
-from granpinn.command.arguments import parse
+from granpinn.commands.train import parse
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, write_flow
 from granpinn.errors import CannotGoOn
@@ -125,7 +125,7 @@ def test_shares_are_the_parts_of_one_batch(flow: Flow) -> None:
     drawn = []
     for share in ((0, 1), (0, 2), (1, 2)):
         o = Objective(members, config.batch, device, share)
-        data = (o.points, o.velocity, o.point_weights, o.surface_points, o.surface_pressure)
+        *data, _ = o.pool
         sizes = (o.batch.interior, o.batch.surface, o.share)
         drawn.append(
             torch.ops.granpinn.draw_batch(

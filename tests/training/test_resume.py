@@ -16,6 +16,7 @@ from granpinn.errors import Interrupted
 from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.history import Row
 from granpinn.training.loop import TrainingLoop
+from tests.flows import make_flow
 from tests.runs import make_run, tiny
 
 CONFIGS: dict[str, dict[str, Any]] = {
@@ -128,52 +129,44 @@ def test_resuming_without_a_checkpoint_starts(flow: Flow, tmp_path: Path) -> Non
     assert "no checkpoint yet" in messages[0]
 
 
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [
-        ({"seed": 1}, "seed = 0, this one has 1"),
-        ({"steps": 50}, "steps = 40, this one has 50"),
-        ({"network__widths": (9, 8)}, "network.widths"),
-        ({"batch__interior": 34}, "batch.interior"),
-    ],
-)
-def test_a_checkpoint_of_other_settings_is_refused(
-    change: dict[str, Any], expected: str, flow: Flow, tmp_path: Path
-) -> None:
-    interrupted_at(3, make_run(tiny(), flow, tmp_path / "run"))
-    other = make_run(tiny(resume=True, **change), flow, tmp_path / "run")
-    with pytest.raises(CheckpointError, match=expected):
-        other.train()
-
-
-def test_a_checkpoint_of_other_data_is_refused(flow: Flow, tmp_path: Path) -> None:
-    interrupted_at(3, make_run(tiny(), flow, tmp_path / "run"))
-    other = dataclasses.replace(flow, u=flow.u * 1.01)
-    with pytest.raises(CheckpointError, match="another flow file"):
-        make_run(tiny(resume=True), other, tmp_path / "run").train()
-
-
-MATERIAL: dict[str, dict[str, Any]] = {
-    "grain_diameter": {"grain_diameter": 0.05},
-    "density": {"density": 1600.0},
-    "grain_density": {"grain_density": 2500.0},
-    "gravity": {"gravity": (0.0, -9.80)},
-    "length_unit": {"length_unit": "mm"},
-    "time_unit": {"time_unit": "ms"},
-    "density_unit": {"density_unit": "kg/m^3"},
-    "eta_max": {"eta_max": 2e4},
-    "eta_min": {"eta_min": None},
+OTHER_SETTINGS: list[tuple[dict[str, Any], str]] = [
+    ({"seed": 1}, "seed = 0, this one has 1"),
+    ({"steps": 50}, "steps = 40, this one has 50"),
+    ({"network__widths": (9, 8)}, "network.widths"),
+    ({"batch__interior": 34}, "batch.interior"),
+]
+MATERIAL: dict[str, Any] = {
+    "grain_diameter": 0.05,
+    "density": 1600.0,
+    "grain_density": 2500.0,
+    "gravity": (0.0, -9.80),
+    "length_unit": "mm",
+    "time_unit": "ms",
+    "density_unit": "kg/m^3",
+    "eta_max": 2e4,
+    "eta_min": None,
 }
 
 
-@pytest.mark.parametrize("name", MATERIAL)
-def test_a_checkpoint_of_another_material_is_refused_by_name(
-    name: str, flow: Flow, tmp_path: Path
+@pytest.mark.parametrize(
+    ("settings", "changes", "expected"),
+    [
+        *((settings, {}, words) for settings, words in OTHER_SETTINGS),
+        ({}, {"u": 1.01 * make_flow().u}, "another flow file"),
+        *(
+            ({}, {name: value}, f"belongs to a run with {name} = .*give the same F")
+            for name, value in MATERIAL.items()
+        ),
+    ],
+    ids=[*(words for _, words in OTHER_SETTINGS), "data", *MATERIAL],
+)
+def test_a_checkpoint_of_another_run_is_refused_by_name(
+    settings: dict[str, Any], changes: dict[str, Any], expected: str, flow: Flow, tmp_path: Path
 ) -> None:
     interrupted_at(3, make_run(tiny(), flow, tmp_path / "run"))
-    other = dataclasses.replace(flow, **MATERIAL[name])
-    with pytest.raises(CheckpointError, match=f"belongs to a run with {name} = .*give the same F"):
-        make_run(tiny(resume=True), other, tmp_path / "run").train()
+    other = dataclasses.replace(flow, **changes)
+    with pytest.raises(CheckpointError, match=expected):
+        make_run(tiny(resume=True, **settings), other, tmp_path / "run").train()
 
 
 def test_the_truth_is_no_part_of_a_run(flow: Flow, tmp_path: Path) -> None:

@@ -8,13 +8,15 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from granpinn.data import Flow
+from granpinn.data import Flow, write_flow
 from granpinn.errors import Interrupted
 from granpinn.signals import Signals, caught
+from granpinn.simulation import Collapse, simulate
 from granpinn.training import checkpoint
 from tests.runs import make_run, tiny
 
@@ -125,7 +127,7 @@ def test_a_full_disk_ends_the_run_and_leaves_the_checkpoint_before(
     folder = tmp_path / "run"
     code = (
         "import resource, signal, sys\n"
-        "from granpinn.train import main\n"
+        "from granpinn.commands.train import main\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (8192, resource.RLIM_INFINITY))\n"
         "sys.exit(main(sys.argv[1:]))\n"
@@ -183,3 +185,97 @@ def test_an_ignored_signal_stays_ignored(signum: signal.Signals) -> None:
         assert signal.getsignal(signum) is signal.SIG_IGN
     finally:
         signal.signal(signum, before)
+
+
+# Where a phase of a training begins: a function, and for steps the number of those before.
+PHASES = {
+    "pre-fit": ("granpinn.training.trainer:Trainer.advance", 50),
+    "training": ("granpinn.training.trainer:Trainer.advance", 200),
+    "last layer": ("granpinn.training.trainer:Trainer.solve_last_layer", 0),
+    "copies": ("granpinn.uncertainty.sensitivity:continued", 0),
+    "simulated pressure": ("granpinn.second_opinion.simulated_pressure:settle", 0),
+    "resimulation": ("granpinn.checks.resimulation:resimulate", 0),
+    "figures": ("granpinn.report.page:build", 0),
+}
+THREAD = ("simulated pressure", True)
+# A training that announces a phase and stays in it; if it is slow, it takes long to clean up.
+CHILD = """
+import importlib, sys, time
+from granpinn.command import exit_codes
+exit_codes.guard_process("train")
+from granpinn.commands import train
+from granpinn.training import checkpoint
+place, before, slow = sys.argv[1], int(sys.argv[2]), sys.argv[3] == "slow"
+module, _, path = place.partition(":")
+owner, reached = importlib.import_module(module), []
+*classes, name = path.split(".")
+for part in classes:
+    owner = getattr(owner, part)
+real, save = getattr(owner, name), checkpoint.save
+def clean_up():
+    if slow:
+        print("cleaning up", flush=True)
+        time.sleep(60)
+def announced(*args, **kwargs):
+    if reached or before and args[0].step <= before:
+        return real(*args, **kwargs)
+    reached.append(name)
+    try:
+        print("reached", flush=True)
+        end = time.monotonic() + 0.5
+        while time.monotonic() < end:
+            time.sleep(0.01)
+        return real(*args, **kwargs)
+    except KeyboardInterrupt:
+        clean_up()
+        raise
+def saved(*args):
+    if reached and before:
+        clean_up()
+    return save(*args)
+setattr(owner, name, announced)
+checkpoint.save = saved
+sys.exit(train.main(sys.argv[4:]))
+"""
+SHORT = ["--network.widths", "16,16", "--batch.interior", "64", "--batch.surface", "16"]
+SHORT += ["--steps", "400", "--log-every", "20", "--simulated_pressure.frames", "4"]
+SHORT += ["--resimulate", "--resimulation.cells", "64"]
+
+
+@pytest.fixture(scope="module")
+def collapse(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small simulated collapse with an uncertain surface line, whose training has copies."""
+    path = tmp_path_factory.mktemp("flow") / "flow.h5"
+    exact = simulate(Collapse(0.4, 0.64, cells=64, frames=12, stride=2))
+    write_flow(replace(exact, attributes={**exact.attributes, "surface_sd": 0.01}), path)
+    return path
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("phase", "twice"),
+    # The pressure is simulated in a thread, which has nothing to clean up.
+    [(phase, k) for phase in PHASES for k in (False, True) if (phase, k) != THREAD],
+)
+def test_a_signal_in_any_phase_stops_the_command(
+    phase: str, signum: signal.Signals, twice: bool, collapse: Path, tmp_path: Path
+) -> None:
+    """Within 10 s; a second one while the process saves or cleans up, within a second."""
+    place, before = PHASES[phase]
+    words = [place, str(before), "slow" if twice else "", str(collapse), "--out", str(tmp_path)]
+    process = subprocess.Popen(
+        [sys.executable, "-c", CHILD, *words, *SHORT],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    for line in ("reached", "cleaning up")[: 1 + twice]:
+        assert any(found.strip() == line for found in process.stdout)
+        process.send_signal(signum)
+    _, err = process.communicate(timeout=1 if twice else 10)
+    assert process.returncode == 128 + signum
+    assert "Traceback" not in err
+    assert twice or err.splitlines()[-1].startswith("granpinn.train: stopped")
+    assert checkpoint.newest(tmp_path / "checkpoint") is not None

@@ -15,7 +15,7 @@ from granpinn.arrays import Float64
 from granpinn.config import Batch
 from granpinn.data import Flow, FlowFileError, write_flow
 from granpinn.data.flow import Source
-from granpinn.data.source import source_at
+from granpinn.data.points import source_at
 from granpinn.fit.case import Case, pose
 from granpinn.inspection import quick
 from granpinn.inspection.momentum_balance import baseline
@@ -69,8 +69,8 @@ def test_a_batch_is_the_reference_loss_with_its_source(case: Case, operators: ob
     objective = Objective([case.member, other], BATCH, CPU)
     objective.operators = operators  # type: ignore[assignment]
     alone = Objective([other], BATCH, CPU)
-    assert objective.source is not None
-    assert alone.source is None
+    assert objective.pool.source is not None
+    assert alone.pool.source is None
     assert "source" in objective.tensors()
     params = torch.randn(2, case.member.problem.spec.n_params, dtype=torch.float64) / 3
     theta = torch.tensor([[0.4, 0.64, 0.3]], dtype=torch.float64).repeat(2, 1)
@@ -83,34 +83,17 @@ def test_a_batch_is_the_reference_loss_with_its_source(case: Case, operators: ob
     p, n, m = case.member.problem, *objective.places[0, [1, 3]].tolist()
     i = ops.sample_indices(4, 9, INTERIOR, BATCH.interior, n)
     j = ops.sample_indices(4, 9, SURFACE, BATCH.surface, m)
-    expected = reference.residual_loss(
-        params[0],
-        theta[0],
-        objective.points[i],
-        objective.velocity[i],
-        objective.point_weights[i],
-        objective.surface_points[j],
-        objective.surface_pressure[j],
-        objective.term_weights[0],
-        p.spec.widths,
-        p.spec.input_shift,
-        p.spec.input_scale,
-        p.physics,
-        "mixed",
-        source=objective.source[i],
-    )
+    at = (params[0], theta[0], objective.pool.at(i, j), objective.term_weights[0])
+    expected = reference.residual_loss(*at, p.spec, p.physics)
     own = (found.loss, found.terms, found.grad_params, found.grad_theta)
     for ours, truth in zip(own, expected, strict=True):
         torch.testing.assert_close(ours[0], truth, rtol=1e-8, atol=1e-10)
     lone = alone.evaluate(control(1), params[1:], theta[1:], prefit=False)  # type: ignore[arg-type]
     torch.testing.assert_close(found.loss[1:], lone.loss, rtol=1e-12, atol=0)
     assert float(found.terms[0, 2]) != pytest.approx(float(lone.terms[0, 2]), rel=1e-3)
-    data = objective.data(0)
-    every = (torch.arange(40), slice(5))
-    of_points = objective.terms(0, params[0], theta[0], data, *every, "mixed")
-    without_it = objective.terms(
-        0, params[0], theta[0], replace(data, source=None), *every, "mixed"
-    )
+    batch = objective.data(0).loss_points.at(torch.arange(40), slice(5))
+    of_points = objective.terms(0, params[0], theta[0], batch)
+    without_it = objective.terms(0, params[0], theta[0], batch._replace(source=None))
     assert torch.equal(of_points[[0, 1, 3, 4]], without_it[[0, 1, 3, 4]])
     assert of_points[2] != without_it[2]
 

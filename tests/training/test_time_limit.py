@@ -103,12 +103,12 @@ def test_what_is_kept_for_the_end_grows_with_the_pace(pace: float, kept: float) 
 def test_a_run_ends_at_its_limit_though_its_pace_changes(
     factor: float, flow: Flow, ticking: Clock
 ) -> None:
-    run = TrainingLoop(make_objective(limited(), flow), limited(), None, Silent(), until(600.0))
+    run = TrainingLoop(make_objective(limited(), flow), limited(), None, Silent(), until(300.0))
     ticking.attach(run.trainer)
     real = run.trainer.advance
 
     def advance() -> None:
-        if run.trainer.step == 600:
+        if run.trainer.step == 240:
             ticking.slow *= factor
         real()
 
@@ -116,7 +116,7 @@ def test_a_run_ends_at_its_limit_though_its_pace_changes(
     totals: list[int] = []
     run.progress.total = totals.append  # type: ignore[method-assign]
     run.train()
-    assert 0.9 * 500 < ticking.now - 100.0 <= 500
+    assert 0.9 * 200 < ticking.now - 100.0 <= 200
     assert run.stopped == "max_time"
     assert run.trainer.schedule.progress(run.trainer.step) == 1
     rates = [row.learning_rate for row in run.histories[0].rows]

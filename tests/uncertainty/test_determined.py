@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granpinn.results import read_results, write_csv, write_results
+from granpinn.results import Parameters, read_results, write_csv, write_results
 from granpinn.results.result import Result
 from granpinn.uncertainty.determined import applied, determined
 from tests.examples import make_result
@@ -43,6 +43,25 @@ def test_weights_count() -> None:
     assert found is not None
     assert found.lost == ("mu_s", "mu_2")
     assert 0.1 < found.I_low < found.I < found.I_high < 0.13
+
+
+def test_a_wide_interval_determines_nothing() -> None:
+    result = make_result()
+    values = dict(result.parameters.items())
+    values["mu_2"] = replace(values["mu_2"], interval_90=(1e-5, 7e3))
+    wide = replace(result, parameters=Parameters(values))
+    found = determined(wide, np.geomspace(0.004, 0.3, 400), np.ones(400))
+    assert found is not None
+    assert (found.lost, found.wide) == (("mu_2",), ("mu_2",))
+    shown = applied(wide, found)
+    assert shown.parameters["mu_2"].interval_90 is None
+    (line,) = [text for text in str(shown).splitlines() if text.startswith("mu_2")]
+    assert "not determined" in line
+    assert line.endswith("its 90 % interval spans a factor of 7e+08")
+    assert "mu_2 not determined: its 90 % interval spans" in shown.summary()
+    content = shown.to_dict()
+    assert content["parameters"]["mu_2"]["determined"] is False
+    assert content["determined"]["raw_interval_90"] == {"mu_2": [1e-5, 7e3]}
 
 
 def test_the_friction_in_the_range_and_its_interval() -> None:

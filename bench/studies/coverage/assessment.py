@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.studies.coverage.materials import LAW
-from bench.studies.coverage.table import GRAINS, PATH
+from bench.studies.coverage.table import GRAINS, PATH, known_of
 from granpinn.checks import momentum_balance
 from granpinn.config import Config
 from granpinn.inspection.momentum_balance import Baseline, Point
@@ -34,11 +34,9 @@ from granpinn.results import DataSummary, Input, Parameter, Parameters, Residual
 from granpinn.results.assessment import GRADES, contradicted
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import Reason
-from granpinn.results.records import Members
 from granpinn.uncertainty.curve import with_curve
 from granpinn.uncertainty.determined import applied, determined
-from granpinn.uncertainty.error_bars import center, judge
-from granpinn.uncertainty.error_model import Known, ends_of
+from granpinn.uncertainty.error_bars import judge
 
 ERRORS = {"below 2 %": 2.0, "2 to 10 %": 10.0, "above 10 %": np.inf}  # rms of mu(I), in %
 PLACES = 20  # inertial numbers over which errors are averaged, evenly in log I
@@ -77,22 +75,9 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
     Args:
         n: the numbers among the cells.
     """
-    values = {k: tuple(map(float, cells[k].split())) for k in ("mu_s", "mu_2")}
-    members = Members(tuple(range(len(values["mu_s"]))), values)
+    known, members = known_of(cells)
     residuals = Residuals({name: n.get(name, 0.0) for name in ("noise", *terms.NAMES)})
     I_range = n["I_low"], n["I_high"]
-    mu_s, mu_2 = center(members)
-    noise = n["noise"] or n.get("measured_noise", 0.0)
-    known = Known(
-        ends_of(I_range, n["I0"]),
-        (mu_s, mu_2),
-        n["velocity"],
-        n["constitutive"],
-        noise,
-        n["independent"],
-        outline=cells["level"] == "V0",
-        real=cells["population"] == GRAINS,
-    )
     symmetries = tuple(filter(None, cells["symmetries"].split("; ")))
     config = Config(level=cells["level"])  # type: ignore[arg-type]
     found = judge(members, residuals, known, config, False, symmetries)
@@ -160,9 +145,9 @@ def table(found: Iterable[Judged], names: Sequence[str], of: Callable[[Judged], 
     return lines
 
 
-def bin_of(value: float, bins: dict[str, float]) -> str:
-    """The name of the first bin whose end is not below a value."""
-    return next(name for name, end in bins.items() if value <= end)
+def error_bin(found: Judged) -> str:
+    """The name of the range of its error."""
+    return next(name for name, end in ERRORS.items() if found.error <= end)
 
 
 def report(found: Sequence[Judged]) -> str:
@@ -171,7 +156,9 @@ def report(found: Sequence[Judged]) -> str:
     for kind in ("simulated", GRAINS):
         own = [j for j in found if j.kind == kind]
         lines += [f"{kind}, by the rms error of mu(I)"]
-        lines += table(own, list(ERRORS), lambda j: bin_of(j.error, ERRORS))
+        lines += table(
+            own, list(ERRORS), lambda j: next(b for b, end in ERRORS.items() if j.error <= end)
+        )
     others = [j for j in found if j.kind not in ("simulated", GRAINS)]
     lines += ["controls", *table(others, sorted({j.kind for j in others}), lambda j: j.kind)]
     lawful = [j for j in found if j.kind in ("simulated", GRAINS)]

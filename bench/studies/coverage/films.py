@@ -17,11 +17,9 @@ import argparse
 import dataclasses
 import os
 import sys
-import time
 from collections.abc import Sequence
 from itertools import repeat
 from pathlib import Path
-from typing import Any
 
 from bench.studies import raw
 from bench.studies.cores import on_all_cores
@@ -29,7 +27,6 @@ from bench.studies.coverage.materials import Task, draw
 from bench.studies.coverage.run import identified
 from bench.studies.experiment.commands import ExperimentError, Piv, convert, openpiv
 from bench.studies.experiment.film import HEIGHT, column, shoot
-from granpinn.config import ConfigError
 from granpinn.simulation import Collapse
 
 CELLS = 256  # of a simulation
@@ -78,38 +75,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--openpiv-python", default=sys.executable, help="interpreter with OpenPIV")
     parser.add_argument("--measure-only", action="store_true", help="leave the identification out")
     parser.add_argument("--json", type=Path, help="file for the results")
-    own, words = parser.parse_known_args(arguments)
+    own, words, config = raw.parse(parser, arguments)
     if own.json is None and not own.measure_only:
         parser.error("--json must name a file for the results, or give --measure-only")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    try:
-        config = raw.config_of(words, {})
-    except ConfigError as error:
-        parser.error(str(error))
     tasks = tasks_of(own.films, own.draw)
-    begin = time.monotonic()
+    n = len(tasks)
     try:
-        n = len(tasks)
         paths = on_all_cores(by_openpiv, tasks, repeat(own.out, n), repeat(own.openpiv_python, n))
     except ExperimentError as error:
         print(f"bench.studies.coverage.films: {error}", file=sys.stderr)
         return 1
-    seconds = {"films_s": round(time.monotonic() - begin, 1)}
-    print(f"{len(paths)} films in {seconds['films_s']} s", flush=True)
-    if own.measure_only:
-        return 0
-    begin = time.monotonic()
-    rows = identified(tasks, paths, config)
-    seconds["identify_s"] = round(time.monotonic() - begin, 1)
-    found: dict[str, Any] = {
-        "draw": own.draw,
-        "settings": words,
-        "steps": config.steps,
-        "members": config.members,
-        "seconds": seconds,
-        "rows": rows,
-    }
-    raw.write(own.json, found)
+    if not own.measure_only:
+        rows = identified(tasks, paths, config)
+        head = {"draw": own.draw, "settings": words, "steps": config.steps}
+        raw.write(own.json, head | {"rows": rows})
     return 0
 
 

@@ -1,6 +1,6 @@
 """Coverage study of the error bars: known materials, drawn at random, simulated and identified.
 
-python -m bench.studies.coverage.run --truths 100 --members 2 --controls 4 --json coverage.json
+python -m bench.studies.coverage.run --truths 100 --members 2 --flows flows --json coverage.json
 
 It draws mu_s in 0.2 to 0.6 and mu_2 - mu_s in 0.1 to 0.3, simulates each collapse (one core each,
 all cores), identifies all of them as one batch and writes values and residuals of every member.
@@ -17,7 +17,6 @@ import argparse
 import dataclasses
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -30,7 +29,7 @@ from bench.studies import raw
 from bench.studies.cores import processes
 from bench.studies.coverage.materials import Task, draw, make_all, read
 from bench.studies.records import balance_of, records_of
-from granpinn.config import Config, ConfigError
+from granpinn.config import Config
 from granpinn.fit import ensemble
 from granpinn.fit.case import Case, members, pose
 from granpinn.fit.ensemble import model_of
@@ -98,28 +97,8 @@ def identified(
         return [own | {"baseline": balance} for own, balance in pairs]
 
 
-def study(tasks: Sequence[Task], config: Config, folder: Path, at_once: int) -> dict[str, Any]:
-    """Simulate and identify all tasks; rows, and the seconds that each part took."""
-    begin = time.monotonic()
-    paths = make_all(tasks, folder)
-    simulated = time.monotonic()
-    print(f"{len(tasks)} flows in {simulated - begin:.0f} s", flush=True)
-    rows = []
-    for begun in range(0, len(tasks), at_once):
-        part = slice(begun, begun + at_once)
-        own = dataclasses.replace(config, seed=config.seed + begun)
-        rows += identified(tasks[part], paths[part], own)
-    seconds = {"simulate_s": simulated - begin, "identify_s": time.monotonic() - simulated}
-    return {"seconds": {k: round(v, 1) for k, v in seconds.items()}, "rows": rows}
-
-
 class Options(NamedTuple):
-    """What the words of a command ask for.
-
-    Attributes:
-        own: the options of the study.
-        words: those of the identification, and the settings that they are.
-    """
+    """What the words of a command ask for: the options of the study, and the identification's."""
 
     own: argparse.Namespace
     words: list[str]
@@ -143,40 +122,27 @@ def options(arguments: Sequence[str] | None = None) -> Options:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--truths", type=int, default=100, help="number of materials")
     parser.add_argument("--controls", type=int, default=4, help="flows of each of the other laws")
-    parser.add_argument("--members", type=int, default=2, help="networks for each flow")
     parser.add_argument("--cells", type=int, default=256, help="cells across the simulated box")
     parser.add_argument("--stride", type=int, default=2, help="cells between the vectors")
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--varied", action="store_true", help="I0, grains, column, sampling too")
     parser.add_argument("--noisy", action="store_true", help="the noise of every flow too")
     parser.add_argument("--draw", type=int, default=0, help="seed of the materials")
-    parser.add_argument("--at-once", type=int, default=10**6, help="flows in one batch")
-    parser.add_argument("--flows", type=Path, help="folder that keeps the flow files")
+    parser.add_argument("--flows", type=Path, required=True, help="folder that keeps the flows")
     parser.add_argument("--json", type=Path, required=True, help="file for the results")
-    own, words = parser.parse_known_args(arguments)
-    try:
-        return Options(own, words, raw.config_of(words, {"members": own.members}))
-    except ConfigError as error:
-        parser.error(str(error))
+    return Options(*raw.parse(parser, arguments))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    asked = options(arguments)
-    own = asked.own
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = own.flows or Path(temporary)
-        folder.mkdir(parents=True, exist_ok=True)
-        found = study(asked.tasks, asked.config, folder, own.at_once)
-    head = {
-        "draw": own.draw,
-        "varied": own.varied,
-        "noisy": own.noisy,
-        "simulation": asked.grid,
-        "members": own.members,
-        "settings": asked.words,
-        "steps": asked.config.steps,
-    }
-    raw.write(own.json, head | found)
+    own, words, config = asked = options(arguments)
+    own.flows.mkdir(parents=True, exist_ok=True)
+    begin = time.monotonic()
+    paths = make_all(asked.tasks, own.flows)
+    print(f"{len(paths)} flows in {time.monotonic() - begin:.0f} s", flush=True)
+    rows = identified(asked.tasks, paths, config)
+    names = ("draw", "varied", "noisy")
+    head = {name: getattr(own, name) for name in names} | {"simulation": asked.grid}
+    raw.write(own.json, head | {"settings": words, "steps": config.steps, "rows": rows})
     return 0
 
 

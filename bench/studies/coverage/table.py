@@ -126,13 +126,13 @@ def _counts(cells: dict[str, str]) -> bool:
     return not cells["failure"] and cells["law"] == LAW and bool(cells["I_low"])
 
 
-def _row(cells: dict[str, str]) -> Row:
-    population, name, I0 = cells["population"], cells["name"], float(cells["I0"])
+def known_of(cells: dict[str, str]) -> tuple[Known, Members]:
+    """What the error model knows of a line, and its members."""
     values = {k: tuple(map(float, cells[k].split())) for k in ("mu_s", "mu_2")}
     members = Members(tuple(range(len(values["mu_s"]))), values)
     mu_s, mu_2 = center(members)
     known = Known(
-        ends_of((float(cells["I_low"]), float(cells["I_high"])), I0),
+        ends_of((float(cells["I_low"]), float(cells["I_high"])), float(cells["I0"])),
         (mu_s, mu_2),
         float(cells["velocity"]),
         float(cells["constitutive"]),
@@ -140,15 +140,21 @@ def _row(cells: dict[str, str]) -> Row:
         float(cells["independent"]),
         int(cells["steps"]),
         outline=cells["level"] == "V0",
-        real=population == GRAINS,
+        real=cells["population"] == GRAINS,
     )
+    return known, members
+
+
+def _row(cells: dict[str, str]) -> Row:
+    population, name = cells["population"], cells["name"]
+    known, members = known_of(cells)
     family = next((word for word in ALIKE if word in population), name.rpartition("-")[0])
     if STEPS in population:
         family = population
     truth = float(cells["true_s"]), float(cells["true_2"])
     end = cells["true_low"]
     limits = (float(end), float(cells["true_high"])) if end else None
-    return Row(population, name, family, known, members, truth, I0, limits)
+    return Row(population, name, family, known, members, truth, float(cells["I0"]), limits)
 
 
 def write(lines: Iterable[Cells], path: Path = PATH) -> None:

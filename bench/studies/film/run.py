@@ -22,7 +22,8 @@ from scipy.spatial import cKDTree
 
 from bench.studies.film import render, scenes
 from granpinn.data import Flow, read_flow, write_flow
-from granpinn.film.measurement import FilmSettings, measure
+from granpinn.filming import FilmSettings
+from granpinn.filming.measurement import measure
 from granpinn.identification.single import identify
 from granpinn.inspection import Inspection
 

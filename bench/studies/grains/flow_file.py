@@ -1,22 +1,17 @@
-"""The flow file of a scene, and the reference beside it.
+"""The flow file of a scene: velocity, c, the surface line, walls, gravity, diameter, bulk density.
 
-flow.h5 has what a camera would give: velocity, c, the surface line, walls, gravity,
-diameter and bulk density. Stress is in reference.npz, for scoring only. The averaging kernel is an
-attribute.
+It has what a camera would give, and no stress. The averaging kernel is an attribute.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from bench.studies.grains.coarse import SD, XX, XY, YY, Fields
+from bench.studies.grains.coarse import SD, XY, YY, Fields
 from bench.studies.grains.materials import I0, Material
-from bench.studies.grains.own_law import Reference
 from bench.studies.grains.scenes.scene import Scene
 from bench.studies.grains.surface import KEPT, UNCERTAINTY
 from bench.studies.grains.walls import plate_of, walls_of
@@ -99,23 +94,3 @@ def _extent(there: Bool, others: tuple[int, int]) -> slice:
     """From the first to the last True along an axis, and one more cell on either side."""
     found = np.flatnonzero(np.any(there, axis=others))
     return slice(max(0, int(found[0]) - 1), int(found[-1]) + 2)
-
-
-def write_reference(path: Path, fields: Fields, found: Reference) -> None:
-    """Stress, strain rate, I and mu of the cells, [T, Y, X]."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mu = found.tau / found.p
-    values = {
-        "phi": fields.phi,
-        "sigma_xx": fields.stress[..., XX],
-        "sigma_yy": fields.stress[..., YY],
-        "sigma_xy": fields.stress[..., XY],
-        "p": found.p,
-        "p_smooth": found.p_smooth,
-        "gamma_dot": found.gdot,
-        "I": found.inertial_number,
-        "mu": mu,
-    }
-    small: dict[str, Any] = {name: array.astype(np.float32) for name, array in values.items()}
-    axes: dict[str, Any] = {"t": fields.t, "y": fields.y, "x": fields.x}
-    np.savez_compressed(path, used=found.used, **axes, **small)

@@ -1,11 +1,11 @@
-"""Makes a scene of grains: LAMMPS, coarse-graining, flow file, reference, its own law, baseline.
+"""Makes a scene of grains: LAMMPS, coarse-graining, flow file, its own law, baseline.
 
     python -m bench.studies.grains.make drum --material 0.4 --out scenes/drum-0.4
 
-OUT/flow.h5 is the flow file, OUT/reference.npz the stress for scoring, OUT/scene.json what the
-scene says of itself: its own law, the ratio of its dissipation to that of the shear cell's law, its
-noise, and the law that the plain momentum balance finds. `--keep` keeps the files of LAMMPS; with
-`--dump` an earlier dump is coarse-grained again.
+OUT/flow.h5 is the flow file, OUT/scene.json what the scene says of itself: its own law, the ratio
+of its dissipation to that of the shear cell's law, its noise, and the law that the plain momentum
+balance finds. `--keep` keeps the files of LAMMPS; with `--dump` an earlier dump is coarse-grained
+again.
 
 Defends: a scene is made in at most 15 minutes on one core.
 """
@@ -16,7 +16,6 @@ import argparse
 import dataclasses
 import shutil
 import sys
-import time
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,27 +25,25 @@ import numpy as np
 from bench.studies import raw
 from bench.studies.experiment.commands import ExperimentError
 from bench.studies.grains.coarse import Fields, coarse_grain
-from bench.studies.grains.flow_file import cropped, flow_of, write_reference
+from bench.studies.grains.flow_file import cropped, flow_of
 from bench.studies.grains.lammps import Lammps
 from bench.studies.grains.law import SLOWEST, errors_percent, mu_of_i
-from bench.studies.grains.materials import I0, Material
-from bench.studies.grains.own_law import hydrostatic_ratio, own_law, reference
+from bench.studies.grains.materials import I0, Material, truth_of
+from bench.studies.grains.own_law import own_law, reference
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.scenes.scene import Scene
 from bench.studies.grains.simulation import simulate, snapshots
 from bench.studies.grains.slabs import measured_bulk, side_walls, slabs
 from bench.studies.grains.surface import fraction, surface_height
-from bench.studies.grains.truths import truth_of
 from granpinn.arrays import Float64
 from granpinn.data import Flow, write_flow
 from granpinn.inspection.momentum_balance import baseline
 
-FLOW, REFERENCE, SUMMARY = "flow.h5", "reference.npz", "scene.json"
+FLOW, SUMMARY = "flow.h5", "scene.json"
 
 
 def make(name: str, material: Material, seed: int, dump: Path, out: Path) -> dict[str, Any]:
     """The files of a scene from its dump; the content of scene.json."""
-    begin = time.monotonic()
     scene = SCENES[name](material)
     truth = truth_of(material, shape=scene.shape)
     fields, seen = fields_of(scene, dump)
@@ -57,9 +54,8 @@ def make(name: str, material: Material, seed: int, dump: Path, out: Path) -> dic
     c = filled(scene, fields)[1]
     periodic = scene.period is not None
     found = reference(fields, c, scene.steady, periodic, scene.shape.bulk_density)
-    write_reference(out / REFERENCE, fields, found)
     own = own_law(found, truth)
-    summary = {
+    return {
         "scene": name,
         "title": scene.title,
         "material": material.friction,
@@ -71,14 +67,9 @@ def make(name: str, material: Material, seed: int, dump: Path, out: Path) -> dic
         "noise": found.noise,
         "truth": truth,
         "own": own,
-        "hydrostatic_ratio": hydrostatic_ratio(fields, found.used, scene.gravity[1])
-        if scene.surface and periodic
-        else None,
         "balance": balance_of(flow, own["along_D"]),
-        "side_walls": None if scene.view is None else side_walls(scene, dump, fields, seen),
-        "coarse_graining_s": round(time.monotonic() - begin, 1),
+        "side_walls": None if scene.view is None else side_walls(scene, dump, fields),
     }
-    return summary
 
 
 def fields_of(scene: Scene, dump: Path) -> tuple[Fields, Fields]:
@@ -139,37 +130,27 @@ def line(summary: dict[str, Any]) -> str:
     )
 
 
-def parser() -> argparse.ArgumentParser:
-    made = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    made.add_argument("scene", choices=sorted(SCENES))
-    made.add_argument("--material", type=float, default=0.4, help="friction between the grains")
-    made.add_argument("--out", type=Path, required=True, help="folder for the files")
-    made.add_argument("--seed", type=int, default=0)
-    made.add_argument("--lmp", help="the program LAMMPS")
-    made.add_argument("--keep", action="store_true", help="keep the files of LAMMPS")
-    made.add_argument("--dump", type=Path, help="coarse-grain this dump, without LAMMPS")
-    return made
-
-
 def main() -> int:
-    chosen = parser().parse_args()
-    out: Path = chosen.out
-    material = Material(chosen.material)
-    work = out / "lammps"
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("scene", choices=sorted(SCENES))
+    parser.add_argument("--material", type=float, default=0.4, help="friction between the grains")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the files")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--lmp", help="the program LAMMPS")
+    parser.add_argument("--keep", action="store_true", help="keep the files of LAMMPS")
+    parser.add_argument("--dump", type=Path, help="coarse-grain this dump, without LAMMPS")
+    own = parser.parse_args()
+    material, work = Material(own.material), own.out / "lammps"
+    own.out.mkdir(parents=True, exist_ok=True)
     try:
-        begin = time.monotonic()
-        dump = chosen.dump
-        if dump is None:
-            scene = SCENES[chosen.scene](material)
-            dump = simulate(scene, material, chosen.seed, Lammps(chosen.lmp), work)
-        seconds = round(time.monotonic() - begin, 1) if chosen.dump is None else None
-        out.mkdir(parents=True, exist_ok=True)
-        summary = make(chosen.scene, material, chosen.seed, dump, out) | {"lammps_s": seconds}
+        scene = SCENES[own.scene](material)
+        dump = own.dump or simulate(scene, material, own.seed, Lammps(own.lmp), work)
+        summary = make(own.scene, material, own.seed, dump, own.out)
     except ExperimentError as error:
         print(f"bench.studies.grains.make: {error}", file=sys.stderr)
         return 1
-    raw.write(out / SUMMARY, summary)
-    if not chosen.keep and chosen.dump is None:
+    raw.write(own.out / SUMMARY, summary)
+    if not own.keep and own.dump is None:
         shutil.rmtree(work)
     print(line(summary))
     return 0

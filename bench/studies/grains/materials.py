@@ -8,8 +8,10 @@ restitution of about 0.5. A grain is solid: the density of a disk is 4/pi, of a 
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 SPREAD = 0.15  # diameters are uniform in 1 - SPREAD .. 1 + SPREAD
 STIFFNESS = 4e4
@@ -78,6 +80,16 @@ class Material:
 
 
 FRICTIONS = (0.2, 0.4, 0.7)
+TRUTHS = Path(__file__).with_name("results") / "truths.json"  # the laws that shear cells measured
+PRESSURE = 20.0  # sigma_yy at which the laws of the scenes were measured
+
+
+def truth_of(material: Material, shape: Shape = DISKS) -> dict[str, float] | None:
+    """mu_s, mu_2 and I0 of a material; None if no shear cell has measured it."""
+    cells = json.loads(TRUTHS.read_text(encoding="utf-8"))
+    name = f"{'' if shape.dimension == 2 else 'spheres_'}{material.name}_{PRESSURE:g}"
+    found: dict[str, float] | None = cells.get(name, {}).get("law")
+    return found
 
 
 def head(shape: Shape, boundary: str) -> str:

@@ -87,21 +87,6 @@ def reference(
     return Reference(p, tau_n, np.hypot(tau_xx, tau_xy), p_smooth.value, gdot, number, used, noise)
 
 
-def hydrostatic_ratio(fields: Fields, used: Bool, gravity: float) -> float:
-    """Normal stress sigma_yy over the weight of the grains above, for a layer that is the same
-    along x: over the later half of the frames and the cells that are `used`.
-
-    Args:
-        gravity: g_y, negative.
-    """
-    weight = -gravity * fields.rho.mean(axis=2) * (fields.y[1] - fields.y[0])
-    above = np.cumsum(weight[:, ::-1], axis=1)[:, ::-1] - weight / 2
-    late = slice(len(fields.t) // 2, None)
-    there = np.asarray(used.any(axis=2))[late]
-    normal = fields.stress[..., YY].mean(axis=2)[late]
-    return float(normal[there].sum() / above[late][there].sum())
-
-
 def own_law(found: Reference, truth: Mapping[str, float] | None) -> dict[str, Any]:
     """The law of a scene along D and by |tau|, and its dissipation over that of the shear cell's
     law; the noise of p is what the local fit leaves, in % of the mean."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -48,15 +47,13 @@ def measured_bulk(fields: Fields) -> Fields:
     return replace(fields, bulk=float(np.median(fields.phi[fields.phi > 0.5 * fields.bulk])))
 
 
-def side_walls(scene: Scene, dump: Path, fields: Fields, seen: Fields) -> dict[str, Any]:
-    """The forces of the side walls in the rows of the grid, from the floor up.
+def side_walls(scene: Scene, dump: Path, fields: Fields) -> dict[str, float]:
+    """The effective friction of the side walls, over all rows of the grid with full cells.
 
     Returns:
-        y of the rows; the shear stress of the walls against x and their normal stress; the pressure
-        (sigma_xx + sigma_yy)/2 of the grains; the speed that is seen over the mean. The effective
-        friction is the shear stress over the normal stress (`friction`), or over the pressure of
-        the grains (`friction_by_p`: it holds in a plane model with a force 2 friction p / gap).
-        Both are sums over all rows with full cells.
+        the shear stress of the walls against x over their normal stress (`friction`), and over the
+        pressure (sigma_xx + sigma_yy)/2 of the grains (`friction_by_p`: it holds in a plane model
+        with a force 2 friction p / gap).
     """
     n = len(fields.y)
     cell = float(fields.y[1] - fields.y[0])
@@ -67,18 +64,7 @@ def side_walls(scene: Scene, dump: Path, fields: Fields, seen: Fields) -> dict[s
         row = np.clip(np.floor((table[:, 1] - bottom) / cell).astype(int), 0, n - 1)
         against, normal = -table[:, 11], np.abs(table[:, 13])
         forces += [np.bincount(row, force, n) for force in (against, normal)]
-    shear, normal = forces / (count * area)
-    p = (fields.stress[..., XX] + fields.stress[..., YY]).mean(axis=(0, 2)) / 2
     full = fields.phi.mean(axis=(0, 2)) > 0.9 * fields.bulk
-    speed, speed_seen = (f.u[:, full].mean(axis=(0, 2)) for f in (fields, seen))
-    shear, normal, p = (profile[full] for profile in (shear, normal, p))
-    return {
-        "y": fields.y[full].tolist(),
-        "shear_stress": shear.tolist(),
-        "normal_stress": normal.tolist(),
-        "p": p.tolist(),
-        "speed": speed.tolist(),
-        "speed_seen_by_mean": (speed_seen / speed).tolist(),
-        "friction": float(shear.sum() / normal.sum()),
-        "friction_by_p": float(shear.sum() / p.sum()),
-    }
+    shear, normal = forces[:, full].sum(axis=1) / (count * area)
+    p = fields.stress[..., [XX, YY]].mean(axis=(0, 2, 3))[full].sum()
+    return {"friction": float(shear / normal), "friction_by_p": float(shear / p)}

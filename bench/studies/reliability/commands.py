@@ -8,20 +8,17 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 from unittest import mock
 
-import granpinn.figures.album
-import granpinn.figures.animation
-import granpinn.figures.simulation
-import granpinn.train
-from granpinn.convert import main as convert
-from granpinn.inspect.__main__ import main as inspect
-from granpinn.report.__main__ import main as report
-from granpinn.simulate import main as simulate
-from granpinn.tables.__main__ import main as tables
+from granpinn.commands import train
+from granpinn.commands.convert import main as convert
+from granpinn.commands.inspect import main as inspect
+from granpinn.commands.report import main as report
+from granpinn.commands.simulate import main as simulate
+from granpinn.commands.tables import main as tables
 
 MAINS: dict[str, Callable[[Sequence[str]], int]] = {
     "inspect": inspect,
     "convert": convert,
-    "train": granpinn.train.main,
+    "train": train.main,
     "report": report,
     "simulate": simulate,
     "tables": tables,

@@ -1,43 +1,117 @@
 """Gate V-4: plants one mistake after another and asks whether the tests notice.
 
-    python -m bench.studies.reliability.planted_mistakes --jobs 16 --out FILE
+    python -m bench.studies.reliability.planted_mistakes --out FILE
 
-The repository is copied and built once; each mistake gets a copy of that, compiles what it changes,
-and runs the tests of its area, then all tests. A test counts if it passes without the mistake. The
-record has a row for each mistake, with the test that caught it (null for a survivor); rows of an
-earlier record in FILE stay unless they are tried again. Exit code 1: a mistake survived, 2: the
-build failed. `--cuda` adds the mistakes that only a GPU can show.
+planted_mistakes.csv has the mistakes. The repository is copied and built once. Each mistake is
+planted in the copy, which compiles what it changes and runs the tests of its area, then all tests;
+those that fail without a mistake do not count. The record has a row for each mistake, with the test
+that caught it (null for a survivor); rows of an earlier record in FILE stay unless they are tried
+again. Exit code 1: a mistake survived, 2: the build failed. `--cuda` adds the mistakes that only a
+GPU can show.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import re
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from bench import copied_tree, movable_build
-from bench.studies.reliability.planted_table import MISTAKES, TESTS, Mistake
+from bench import copied_tree
 from bench.studies.reliability.record import Record, command_of, joined, processor, read
 
 FAILED = re.compile(r"^(?:FAILED|ERROR) ([^\s\[]+(?:\[.*?\](?= - |$))?)", re.MULTILINE)
 QUICK, WHOLE = 900.0, 3600.0  # seconds for some folders, for the suite
-ENOUGH = 5  # failures that end a run of the tests, once some failed anyway
-ONE_THREAD = {"OMP_NUM_THREADS": "1"}
 # The test of the table sees every planted mistake, and compiling alone takes minutes.
 IGNORED = [
     "--ignore=tests/bench/test_planted_mistakes.py",
     "--ignore=tests/test_cuda_compiles.py",
     "--ignore=tests/docs",  # they need the packages that make the pages
 ]
+
+
+# Those that see most come first. The operators' own checks take longer and see little more.
+KERNELS = (
+    *("pointwise", "viscosity", "laws", "law_update", "arguments", "sampling", "network", "step"),
+    *("gradients", "orthogonalize", "determinism", "small_work", "cuda", "accuracy"),
+)
+SOLVER = ("laws", "bagnold", "side_walls", "fraction", "smooth_flows", "balance", "collapse")
+
+# The tests that could notice a mistake first, by area, in a minute or two; the suite follows.
+TESTS = {
+    "kernels": [f"tests/kernels/test_{name}.py" for name in KERNELS],
+    "cuda": [f"tests/kernels/test_{name}.py" for name in KERNELS],
+    "solver": [f"tests/simulation/test_{name}.py" for name in SOLVER],
+    "physics": ["tests/physics", "tests/config", "tests/kernels/test_viscosity.py"],
+    "data": ["tests/physics", "tests/data"],
+    "units": [
+        "tests/importers/test_units.py",
+        "tests/importers/test_physical_units.py",
+        "tests/importers/test_convert.py",
+    ],
+    "training": [
+        "tests/training/test_schedule.py",
+        "tests/training/test_objective.py",
+        "tests/training/test_optimise.py",
+        "tests/training/test_last_layer.py",
+        "tests/training/test_law_variables.py",
+        "tests/training/test_graphs.py",
+        "tests/identification/test_members.py",
+    ],
+    "identification": ["tests/identification", "tests/fit", "tests/results"],
+    "uncertainty": ["tests/uncertainty"],
+    "results": ["tests/results", "tests/identification"],
+    "simulation": ["tests/simulation/test_collapse.py", "tests/simulation/test_command.py"],
+    "inspection": ["tests/inspection"],
+    "side walls": [
+        "tests/training/test_objective.py",
+        "tests/inspection/test_side_walls.py",
+        "tests/identification/test_side_walls.py",
+    ],
+    "walls": ["tests/data/test_walls.py", "tests/data/test_variants.py"],
+    "strip": [
+        "tests/data/test_surface_strip.py",
+        "tests/data/test_variants.py",
+        "tests/checks/test_profile_of_I0.py",
+    ],
+}
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One wrong line: the old text must occur exactly once in its file.
+
+    Attributes:
+        area: a key of TESTS.
+        kind: sign, factor, index, missing term, wrong constant, or unit.
+    """
+
+    area: str
+    kind: str
+    file: str
+    old: str
+    new: str
+
+    @property
+    def compiled(self) -> bool:
+        return self.file.startswith("csrc/")
+
+    @property
+    def needs_gpu(self) -> bool:
+        return self.area == "cuda"
+
+
+with Path(__file__).with_suffix(".csv").open(encoding="utf-8", newline="") as file:
+    MISTAKES = [Mistake(**row) for row in csv.DictReader(file)]
 
 
 @contextmanager
@@ -53,7 +127,7 @@ def planted(tree: Path, mistake: Mistake) -> Iterator[None]:
     if count != 1:
         raise ValueError(
             f"{mistake.file} must contain {mistake.old!r} once, found {count} times: "
-            "update bench/studies/reliability/planted_table.py"
+            "update bench/studies/reliability/planted_mistakes.csv"
         )
     path.write_text(text.replace(mistake.old, mistake.new))
     try:
@@ -62,75 +136,55 @@ def planted(tree: Path, mistake: Mistake) -> Iterator[None]:
         path.write_text(text)
 
 
-@dataclass(frozen=True)
-class Trial:
-    """What the trials of all mistakes share.
+def row(tree: Path, number: int, quick: bool, build: Sequence[str]) -> dict[str, Any]:
+    """Plants a mistake, builds, and runs tests until one fails.
 
-    Attributes:
-        base: the folder of the build without a mistake.
+    Args:
         quick: run the tests of the mistake's area alone.
-        threads: compile so many files at once.
+        build: options of CMake.
     """
-
-    base: Path
-    quick: bool
-    threads: int
-
-    def row(self, number: int, mistake: Mistake) -> dict[str, Any]:
-        """Plants a mistake in a copy, builds, and runs tests until some fail."""
-        begin = time.monotonic()
-        tests = [TESTS[mistake.area], *([] if self.quick else [["tests"]])]
-        with tempfile.TemporaryDirectory(dir=self.base.parent) as parent:
-            folder = Path(parent) / "copy"
-            movable_build.copy(self.base, folder)
-            with planted(folder / "tree", mistake):
-                error = mistake.compiled and movable_build.rebuild(folder, self.threads)
-                caught = "the compiler" if error else ""
-                for paths in tests:
-                    caught = caught or self._catch(folder / "tree", paths)
-        return {
-            "id": number,
-            **asdict(mistake),
-            "tests": [path for paths in tests for path in paths],
-            "caught_by": caught or None,
-            "seconds": round(time.monotonic() - begin, 1),
-            "device": processor(),
-        }
-
-    def _catch(self, tree: Path, paths: Sequence[str]) -> str:
-        """The first test that fails with the mistake alone, or ""."""
-        left_out: list[str] = []
-        while True:
-            options = [*IGNORED, f"--maxfail={ENOUGH if left_out else 1}"]
-            deselected = [f"--deselect={test}" for test in left_out]
-            limit = WHOLE if "tests" in paths else QUICK
-            code, output = copied_tree.pytest(
-                tree, [*options, *deselected, *paths], limit, ONE_THREAD
-            )
-            failed = FAILED.findall(output)
-            if not failed:
-                return f"{' '.join(paths)}: exit code {code}" if code else ""
-            anyway = failing(self.base / "tree", failed)
-            if healthy := [test for test in failed if test not in anyway]:
-                return str(healthy[0])
-            left_out += failed
+    begin, mistake = time.monotonic(), MISTAKES[number]
+    tests = [tuple(TESTS[mistake.area]), *([] if quick else [("tests",)])]
+    anyway = [failing(tree, paths) for paths in tests]
+    with planted(tree, mistake):
+        error = mistake.compiled and copied_tree.build(tree, tree.with_name("cmake"), build)
+        caught = "the compiler" if error else ""
+        for paths, known in zip(tests, anyway, strict=True):
+            caught = caught or catch(tree, paths, known)
+    if mistake.compiled:
+        copied_tree.build(tree, tree.with_name("cmake"), build)
+    return {
+        "id": number,
+        **asdict(mistake),
+        "tests": [path for paths in tests for path in paths],
+        "caught_by": caught or None,
+        "seconds": round(time.monotonic() - begin, 1),
+        "device": processor(),
+    }
 
 
-def failing(tree: Path, tests: Sequence[str]) -> list[str]:
-    """The tests that fail without a mistake too, as those that need an installed command."""
-    code, output = copied_tree.pytest(tree, tests, WHOLE, ONE_THREAD)
-    if code == 4:  # the name of a parameter was not found again
-        functions = sorted({test.partition("[")[0] for test in tests})
-        _, output = copied_tree.pytest(tree, functions, WHOLE, ONE_THREAD)
-    return [found[1] for found in FAILED.finditer(output)]
+@cache
+def failing(tree: Path, paths: tuple[str, ...]) -> list[str]:
+    """The tests that fail without a mistake, as those that need an installed command."""
+    return FAILED.findall(_run(tree, paths)[1])
 
 
-def chosen(cuda: bool, only: Sequence[str], ids: Sequence[int]) -> list[tuple[int, Mistake]]:
-    """The mistakes with their numbers, compiled ones first; `only`: beginnings of paths."""
-    rows = [(i, m) for i, m in enumerate(MISTAKES) if cuda or not m.needs_gpu]
-    rows = [(i, m) for i, m in rows if not only or m.file.startswith(tuple(only))]
-    rows = [(i, m) for i, m in rows if not ids or i in ids]
-    return sorted(rows, key=lambda row: not row[1].compiled)
+def catch(tree: Path, paths: Sequence[str], known: Sequence[str]) -> str:
+    """The first test that fails, but for those that are `known` to fail; "" if there is none."""
+    code, output = _run(tree, ["--maxfail=1", *(f"--deselect={test}" for test in known), *paths])
+    failed = FAILED.findall(output)
+    return str(failed[0]) if failed else f"exit code {code}" if code else ""
+
+
+def _run(tree: Path, words: Sequence[str]) -> tuple[int, str]:
+    limit = WHOLE if "tests" in words else QUICK
+    return copied_tree.pytest(tree, [*IGNORED, *words], limit, {"OMP_NUM_THREADS": "1"})
+
+
+def chosen(cuda: bool, ids: Sequence[int]) -> list[int]:
+    """The numbers of the mistakes, compiled ones first."""
+    rows = [i for i, m in enumerate(MISTAKES) if (cuda or not m.needs_gpu) and i in (ids or [i])]
+    return sorted(rows, key=lambda i: not MISTAKES[i].compiled)
 
 
 def earlier(path: Path) -> dict[int, dict[str, Any]]:
@@ -148,60 +202,39 @@ def earlier(path: Path) -> dict[int, dict[str, Any]]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True, help="JSON file, written as it goes")
-    parser.add_argument("--jobs", type=int, default=1, help="mistakes tried side by side")
     parser.add_argument("--cuda", action="store_true", help="build for GPUs, with their mistakes")
-    parser.add_argument("--only", nargs="*", default=[], help="files: beginnings of their paths")
     parser.add_argument("--ids", nargs="*", type=int, default=[], help="numbers of mistakes")
     parser.add_argument("--quick", action="store_true", help="the tests of the area alone")
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="begin none after this")
-    arguments = parser.parse_args()
-    rows = chosen(arguments.cuda, arguments.only, arguments.ids)
-    found = earlier(arguments.out)
-    begin = time.monotonic()
+    own = parser.parse_args()
+    found = earlier(own.out)
     tried: list[dict[str, Any]] = []
-
     with tempfile.TemporaryDirectory() as parent:
-        base = Path(parent).resolve() / "base"
-        options = [f"-DGRANPINN_CUDA={'on' if arguments.cuda else 'off'}"]
-        if any(mistake.compiled for _, mistake in rows):
-            error = movable_build.build(base, options, arguments.jobs)
-            if error:
-                print(f"planted_mistakes: the build failed:\n{error}", file=sys.stderr)
-                return 2
-        else:
-            copied_tree.copy_tree(base / "tree")
-        print(f"ready to plant after {time.monotonic() - begin:.0f} s", flush=True)
-        count = max(1, min(arguments.jobs, len(rows)))
-        trial = Trial(base, arguments.quick, max(1, arguments.jobs // count))
-
-        def work(number: int, mistake: Mistake) -> dict[str, Any] | None:
-            late = time.monotonic() - begin > arguments.seconds
-            return None if late else trial.row(number, mistake)
-
-        with ThreadPoolExecutor(count) as pool:
-            for done in as_completed([pool.submit(work, *row) for row in rows]):
-                if row := done.result():
-                    tried.append(row)
-                    found[row["id"]] = row
-                    print(json.dumps(row), flush=True)
-                    write(list(found.values()), arguments)
+        tree = Path(parent).resolve() / "tree"
+        build = [f"-DGRANPINN_CUDA={'on' if own.cuda else 'off'}"]
+        copied_tree.copy_tree(tree, compiled=False)
+        if error := copied_tree.build(tree, tree.with_name("cmake"), build):
+            print(f"planted_mistakes: the build failed:\n{error}", file=sys.stderr)
+            return 2
+        for number in chosen(own.cuda, own.ids):
+            tried.append(row(tree, number, own.quick, build))
+            found[number] = tried[-1]
+            print(json.dumps(tried[-1]), flush=True)
+            write(list(found.values()), own)
     survivors = [row["id"] for row in tried if not row["caught_by"]]
-    print(f"{len(tried)} of {len(rows)} mistakes tried, survivors: {survivors}")
+    print(f"{len(tried)} mistakes tried, survivors: {survivors}")
     return int(bool(survivors))
 
 
-def write(rows: Sequence[dict[str, Any]], arguments: argparse.Namespace) -> None:
+def write(rows: Sequence[dict[str, Any]], own: argparse.Namespace) -> None:
     """The record of the mistakes tried so far, on all machines; its time is that of all trials."""
-    seconds = sum(float(row["seconds"]) for row in rows)
-    words = ["--quick"] * arguments.quick
-    words += ["--cuda"] * any(MISTAKES[row["id"]].needs_gpu for row in rows)
+    words = ["--quick"] * own.quick + ["--cuda"] * any(MISTAKES[r["id"]].needs_gpu for r in rows)
     command = command_of("bench.studies.reliability.planted_mistakes", words)
-    record = Record("V-4", command, seconds)
+    record = Record("V-4", command, sum(float(row["seconds"]) for row in rows))
     rows = sorted(rows, key=lambda row: int(row["id"]))
     for row in rows:
         record.add("caught" if row["caught_by"] else "survived", None if row["caught_by"] else row)
     record.details = {"of": len(MISTAKES), "mistakes": rows}
-    record.write(arguments.out, joined(row["device"] for row in rows))
+    record.write(own.out, joined(row["device"] for row in rows))
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ def particles(folder: Path) -> None:
 
 
 def run(folder: Path) -> None:
-    from granpinn.train import main
+    from granpinn.commands.train import main
 
     flow(folder)
     assert main(["flow.h5", "--out", "run", *TRAINING, *NO_PRESSURE]) == 0

@@ -10,7 +10,7 @@ p + c / mu (Caquot 1934). So only the given pressure of the free surface tells c
 from __future__ import annotations
 
 from granpinn.physics.laws import mu_of_i
-from granpinn.physics.laws.law import Law, LawParameter, Values
+from granpinn.physics.laws.law import FrictionLaw, LawParameter, Values
 
 
 def friction(I: Values, mu_s: Values, mu_2: Values, I0: Values, c: Values) -> Values:
@@ -23,7 +23,7 @@ def slope(I: Values, mu_s: Values, mu_2: Values, I0: Values, c: Values) -> Value
     return mu_of_i.slope(I, mu_s, mu_2, I0) + 0 * c
 
 
-LAW = Law(
+LAW = FrictionLaw(
     name="cohesive",
     title="cohesive mu(I)",
     formula=r"|\tau| = c + \mu(I)\,p,\quad \mu(I) = \mu_s + (\mu_2 - \mu_s) / (1 + I_0 / I)",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from granpinn.physics.laws.law import Law, LawParameter, Values
+from granpinn.physics.laws.law import FrictionLaw, LawParameter, Values
 
 
 def friction(I: Values, mu_s: Values) -> Values:
@@ -15,7 +15,7 @@ def slope(I: Values, mu_s: Values) -> Values:
     return 0 * (I * mu_s)
 
 
-LAW = Law(
+LAW = FrictionLaw(
     name="coulomb",
     title="constant friction",
     formula=r"\mu = \mu_s",

@@ -15,7 +15,7 @@ import dataclasses
 from typing import Any
 
 from granpinn.physics.laws.arrays import LEAST_I, together
-from granpinn.physics.laws.law import Law, LawParameter, Values
+from granpinn.physics.laws.law import FrictionLaw, LawParameter, Values
 
 COEFFICIENTS = 8
 INTERVALS = COEFFICIENTS - 3
@@ -60,7 +60,7 @@ def _positive(xp: Any, values: Values) -> Values:
 _RANGE = (0.003, 0.5)
 _TYPICAL = (0.4005, 0.4021, 0.4055, 0.4150, 0.4383, 0.4870, 0.5530, 0.6006)
 
-LAW = Law(
+LAW = FrictionLaw(
     name="free",
     title="free curve",
     formula=r"\mu(I) = \sum_k c_k B_k(\ln I)",

@@ -51,7 +51,7 @@ class LawParameter:
 
 
 @dataclass(frozen=True)
-class Law:
+class FrictionLaw:
     """A friction law mu(I; theta).
 
     Attributes:

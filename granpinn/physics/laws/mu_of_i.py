@@ -5,7 +5,7 @@ $$ \mu(I) = \mu_s + \frac{\mu_2 - \mu_s}{1 + I_0 / I} $$
 
 from __future__ import annotations
 
-from granpinn.physics.laws.law import Law, LawParameter, Values
+from granpinn.physics.laws.law import FrictionLaw, LawParameter, Values
 
 
 def friction(I: Values, mu_s: Values, mu_2: Values, I0: Values) -> Values:
@@ -18,7 +18,7 @@ def slope(I: Values, mu_s: Values, mu_2: Values, I0: Values) -> Values:
     return I * (mu_2 - mu_s) * I0 / (I0 + I) ** 2
 
 
-LAW = Law(
+LAW = FrictionLaw(
     name="mu_of_i",
     title="mu(I)",
     formula=r"\mu(I) = \mu_s + (\mu_2 - \mu_s) / (1 + I_0 / I)",

@@ -13,7 +13,7 @@ a simulated collapse with n = 1 went from 0.74 to 1.5 while its loss fell by 0.4
 from __future__ import annotations
 
 from granpinn.physics.laws.arrays import LEAST_I, together
-from granpinn.physics.laws.law import Law, LawParameter, Values
+from granpinn.physics.laws.law import FrictionLaw, LawParameter, Values
 
 
 def friction(I: Values, mu_s: Values, b: Values, n: Values) -> Values:
@@ -28,7 +28,7 @@ def slope(I: Values, mu_s: Values, b: Values, n: Values) -> Values:
     return n * b * xp.exp(n * xp.log(I + LEAST_I)) + 0 * mu_s
 
 
-LAW = Law(
+LAW = FrictionLaw(
     name="power",
     title="power law",
     formula=r"\mu(I) = \mu_s + b\,I^n",

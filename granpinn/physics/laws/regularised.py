@@ -15,7 +15,7 @@ I = 0 is small (0.15) instead of 0, and 1/mu is finite.
 from __future__ import annotations
 
 from granpinn.physics.laws.arrays import LEAST_I, together
-from granpinn.physics.laws.law import Law, LawParameter, Values
+from granpinn.physics.laws.law import FrictionLaw, LawParameter, Values
 
 
 def friction(I: Values, *theta: Values) -> Values:
@@ -51,7 +51,7 @@ def _logarithm(
     return xp.log(I1) - xp.log(below) + alpha / mu_1**2
 
 
-LAW = Law(
+LAW = FrictionLaw(
     name="regularised",
     title="regularised mu(I)",
     formula=r"\mu = \sqrt{\alpha / \ln(A/I)}\ (I \le I_1),\quad "

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.data import Flow, FlowFileWarning, check_flow
-from granpinn.data.format import OF_FLOW
+from granpinn.data.schema import OF_FLOW
 from granpinn.errors import BadInput
 
 SUM = 16  # roundings of one number: units, origin, mean of a coordinate over its rows

@@ -1,0 +1,261 @@
+"""``python -m granpinn.doctor``: what is installed, which kernels run here and why.
+
+Nothing is imported before it is needed, so that a broken torch or a module that was not built is
+reported like every other result. Exit code 0 if the kernels work, 1 otherwise, with what to do.
+"""
+
+from __future__ import annotations
+
+if __name__ == "__main__":
+    from granpinn.command import cli
+
+    cli.start("doctor")
+
+import importlib.util
+import json
+import os
+import platform
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import granpinn
+from granpinn.command.cli import Command
+from granpinn.command.parser import Parser
+
+Section = dict[str, Any]
+
+BUILD_HINT = (
+    "build it in the source tree with the torch that is installed: "
+    "pip install scikit-build-core pybind11 cmake ninja && pip install --no-build-isolation -e ."
+)
+# What the processor must have for each variant of the kernels; the names are those of Linux.
+NEEDED_FLAGS = {
+    "generic": set[str](),
+    "avx2": {"avx2", "fma"},
+    "avx512": {"avx512f", "avx512dq", "avx512vl", "avx512bw", "fma"},
+}
+LARGEST_ERROR = {"float64": 1e-8, "float32": 1e-3}  # of the kernels, relative L2
+EXTRAS = {
+    "tensorboard": ("tensorboard",),
+    "lavision": ("lvpyio",),
+    "netcdf": ("zarr", "numcodecs"),
+    "mesh": ("pyvista",),
+    "film": ("cv2",),
+    "test": ("pytest", "hypothesis", "sympy", "h5netcdf", "pandas", "tables", "psutil", "yaml"),
+    "docs": ("mkdocs", "material", "mkdocstrings_handlers", "latex2mathml"),
+    "dev": ("ruff", "mypy", "importlinter", "clang_format"),
+}
+
+
+class Trouble(Exception):
+    """The kernels do not work; the message says why and what to do."""
+
+
+def versions() -> Section:
+    """Versions of Python and of the packages that a result depends on."""
+    found = {"granpinn": granpinn.__version__, "python": platform.python_version()}
+    for name in ("torch", "numpy", "h5py", "safetensors"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "missing"
+    return found
+
+
+def extras() -> Section:
+    """Optional groups of packages: present, or the command that installs them."""
+    found = {}
+    for group, modules in EXTRAS.items():
+        missing = [name for name in modules if importlib.util.find_spec(name) is None]
+        hint = f"not installed; pip install {' '.join(missing)}"
+        found[group] = hint if missing else "present"
+    return found
+
+
+def load(name: str, hint: str) -> Any:
+    """The module `name`; Trouble where it cannot be imported."""
+    try:
+        return import_module(name)
+    except Exception as error:  # a damaged binary package raises OSError, RuntimeError, ...
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise Trouble(f"{name} cannot be imported ({reason}): {hint}") from error
+
+
+def build() -> Section:
+    """What the module was built with; Trouble where the torch that runs is another one."""
+    load("torch", "pip install 'torch>=2.11'")
+    info: Section = dict(load("granpinn._C", BUILD_HINT).build_info())
+    try:
+        info["torch_version"] = import_module("granpinn.kernels.builds").torch_build()
+    except ImportError as error:
+        raise Trouble(str(error)) from error
+    return info
+
+
+def processor() -> tuple[str, set[str]]:
+    """Name of the CPU and its instruction sets, which are empty where the system lists none."""
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.exists() else []
+    facts = dict(line.split(":", 1) for line in lines if ":" in line)
+    facts = {key.strip(): value.strip() for key, value in facts.items()}
+    return facts.get("model name", platform.machine()), set(facts.get("flags", "").split())
+
+
+def why(active: str, built: Sequence[str], flags: set[str]) -> str:
+    """Why the variant `active` of the kernels runs, out of those that were built."""
+    order = list(NEEDED_FLAGS)
+    faster = [name for name in built if order.index(name) > order.index(active)]
+    if not faster:
+        return f"the fastest of those built ({', '.join(built)})"
+    missing = {name: sorted(NEEDED_FLAGS[name] - flags) for name in faster}
+    return "; ".join(
+        f"{name}: the processor has no {', '.join(lacks)}"
+        if lacks
+        else f"{name}: switched off by GRANPINN_CPU"
+        for name, lacks in missing.items()
+    )
+
+
+def cpu() -> Section:
+    """The processor, the instruction set that the kernels use on it, and the threads."""
+    model, flags = processor()
+    torch, kernels = import_module("torch"), import_module("granpinn._C")
+    active = kernels.cpu_capability()
+    return {
+        "processor": model,
+        "kernels": f"{active}, {why(active, kernels.build_info()['simd'].split(), flags)}",
+        "threads": torch.get_num_threads(),
+        "cores": os.cpu_count(),
+        "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "not set"),
+    }
+
+
+def gpu() -> Section:
+    """The GPUs, the driver, and whether this build has kernels for them."""
+    torch, info = import_module("torch"), import_module("granpinn._C").build_info()
+    path = Path("/proc/driver/nvidia/version")
+    driver = path.read_text().splitlines()[0].strip() if path.exists() else "none seen"
+    if torch.version.cuda is None:
+        seen = "none: this torch was built without CUDA"
+    elif not torch.cuda.is_available():
+        seen = f"none: torch was built for CUDA {torch.version.cuda} but finds no device or driver"
+    else:
+        names = [
+            f"{torch.cuda.get_device_name(i)}, compute capability {major}.{minor}"
+            for i in range(torch.cuda.device_count())
+            for major, minor in [torch.cuda.get_device_capability(i)]
+        ]
+        seen = f"{'; '.join(names)} (CUDA {torch.version.cuda})"
+    missing = import_module("granpinn.kernels.builds").cuda_missing()
+    built = f"built for {info['cuda_architectures']} by {info['cuda_compiler']}"
+    return {"devices": seen, "driver": driver, "kernels": f"none: {missing}" if missing else built}
+
+
+def self_check() -> Section:
+    """The fused loss and its gradient against nested autograd, on five points and every device."""
+    torch = import_module("torch")
+    missing = import_module("granpinn.kernels.builds").cuda_missing()
+    report = {}
+    for form in ("strong", "mixed"):
+        report[form] = agreement(form, "cpu", "float64")
+        if torch.cuda.is_available() and not missing:
+            for dtype in LARGEST_ERROR:
+                report[f"{form}, GPU {dtype}"] = agreement(form, "cuda", dtype)
+    return report
+
+
+def agreement(form: str, device: str, dtype: str) -> str:
+    """How well the kernel of a device agrees with nested autograd.
+
+    Raises:
+        Trouble: they differ by more than LARGEST_ERROR.
+    """
+    ops = load("granpinn.kernels.ops", BUILD_HINT)
+    reference = load("granpinn.reference", BUILD_HINT)
+
+    fused = [x.double().cpu() for x in ops.residual_loss(*small_problem(form, device, dtype))]
+    truth = reference.residual_loss(*small_problem(form, "cpu", "float64"))
+    error = max(
+        float((f - t).norm() / t.norm().clamp_min(1e-300))
+        for f, t in zip(fused, truth, strict=True)
+    )
+    if not error < LARGEST_ERROR[dtype]:  # not `>=`: nan is Trouble as well
+        raise Trouble(
+            f"the {form} residual kernel ({device}, {dtype}) differs from nested autograd by "
+            f"{error:.1e} (expected < {LARGEST_ERROR[dtype]:.0e}): {BUILD_HINT}; if it persists, "
+            "report it with this text"
+        )
+    return f"agrees with nested autograd to {error:.0e}"
+
+
+def small_problem(form: str, device: str, dtype: str) -> tuple[Any, ...]:
+    """Arguments of residual_loss for a random network, five points and four surface points."""
+    from granpinn.kernels.network import OUTPUTS, NetworkSpec
+    from granpinn.physics import constants, laws, terms
+
+    torch = import_module("torch")
+    generator = torch.Generator().manual_seed(0)
+    kind = {"device": device, "dtype": getattr(torch, dtype)}
+
+    def draw(*shape: int) -> Any:
+        return torch.randn(shape, generator=generator, dtype=torch.float64).to(**kind)
+
+    spec = NetworkSpec((3, 8, OUTPUTS[form]), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), form)
+    params = draw(spec.n_params)
+    theta = torch.tensor([p.start for p in laws.DEFAULT.parameters], **kind)
+    inside = (draw(5, 3), draw(5, 2), torch.ones(5, 2, **kind))
+    batch = terms.LossPoints(*inside, draw(4, 3), draw(4))
+    physics = constants.Physics(
+        grain_diameter=0.01,
+        g_x=0.0,
+        g_y=-1.0,
+        eta_min=0.0,
+        eta_max=1e4,
+        velocity_scale=1.0,
+        pressure_scale=1.0,
+        pressure_floor=1e-4,
+    )
+    return params, theta, batch, torch.ones(len(terms.NAMES), **kind), spec, physics
+
+
+def examine() -> tuple[dict[str, Section], str | None]:
+    """All sections in the order of printing, and the fault, if any."""
+    report = {"versions": versions(), "extras": extras()}
+    steps: dict[str, Callable[[], Section]] = {
+        "build": build,
+        "cpu": cpu,
+        "gpu": gpu,
+        "self-check": self_check,
+    }
+    try:
+        for name, step in steps.items():
+            report[name] = step()
+    except Trouble as trouble:
+        return report, str(trouble)
+    return report, None
+
+
+def parser() -> Parser:
+    made = Parser("doctor", "[--json]", "Show what is installed, which kernels run and why.")
+    made.add_argument("--json", action="store_true", default=False, help="print the report as JSON")
+    return made
+
+
+def run(argv: Sequence[str]) -> int:
+    options = parser().parse_args(argv)
+    report, trouble = examine()
+    if options.json:
+        print(json.dumps({"works": trouble is None, "trouble": trouble, **report}, indent=2))
+    else:
+        for title, section in report.items():
+            print(title)
+            for key, value in section.items():
+                print(f"  {key:<16} {value}")
+        print(f"\nThe kernels do not work: {trouble}" if trouble else "\nThe kernels work.")
+    return 1 if trouble else 0
+
+
+main = Command("doctor", parser, run)

@@ -1,0 +1,149 @@
+"""The command `python -m granpinn.inspect`: quality of data and precision of the law from it.
+
+Exit codes: 0 done; 2 bad input; 1 the results cannot be written.
+
+In Python, `granpinn.inspect(flow)` gives the same numbers.
+"""
+
+from __future__ import annotations
+
+if __name__ == "__main__":
+    from granpinn.command import cli
+
+    cli.start("inspect")
+
+import dataclasses
+import json
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from granpinn.command.cli import Command
+from granpinn.command.next_step import refusal, training_of
+from granpinn.command.parser import Parser
+from granpinn.config import ConfigError, SideWalls, settings_of
+from granpinn.config.fields import flag_of
+from granpinn.data import FlowFileWarning, read_flow
+from granpinn.data.reader import is_flow_file
+from granpinn.data.steady import said
+from granpinn.inspection import AssumedLaw, Inspection, inspect
+from granpinn.output import make_folder, objection_to_folder, write_text
+
+EXAMPLES = """examples:
+  python -m granpinn.inspect flow.h5
+      numbers, and what they tell of a law
+  python -m granpinn.inspect flow.h5 --out inspection
+      and inspect.json with maps of the gaps, the speed, the noise and the inertial numbers
+  python -m granpinn.inspect flow.h5 --I0 0.28 --mu-s 0.3 --mu-2 0.6
+      the precision for a material that is roughly known
+  python -m granpinn.inspect flow.h5 --law coulomb
+      the precision of constant friction"""
+WALLS = {name: f"side_walls.{name}" for name in settings_of(SideWalls)}  # as in a run
+
+
+class Request(NamedTuple):
+    """What a command line gives."""
+
+    data: Path
+    out: Path | None
+    json: bool
+    law: AssumedLaw
+    side_walls: SideWalls
+
+
+def parser() -> Parser:
+    made = Parser(
+        "inspect",
+        "FLOW.h5 [--out DIR] [--json]",
+        "Inspect velocity data and estimate how precisely they fix the friction law.",
+        EXAMPLES,
+    )
+    made.add_argument("data", metavar="FLOW.h5", type=Path, nargs="+", help="a flow file")
+    made.add_argument(
+        "--out", metavar="DIR", type=Path, default=None, help="folder for figures and numbers"
+    )
+    made.add_argument(
+        "--json", action="store_true", default=False, help="print all numbers as JSON"
+    )
+    made.add_settings(
+        {
+            name: dataclasses.replace(s, help=f"{s.help}; assumed for the expected precision")
+            for name, s in settings_of(AssumedLaw).items()
+        }
+    )
+    made.add_settings({WALLS[name]: stated for name, stated in settings_of(SideWalls).items()})
+    return made
+
+
+def parse(argv: Sequence[str]) -> Request:
+    """The request of a command line; the message of ConfigError is one sentence."""
+    given = vars(parser().parse_args(argv))
+    data, out, as_json = (given.pop(name) for name in ("data", "out", "json"))
+    walls = {name: given.pop(flag) for name, flag in WALLS.items() if flag in given}
+    try:
+        law = AssumedLaw(**given)
+    except ValueError as error:
+        raise ConfigError(f"the friction law is impossible: {error}") from None
+    if out is not None and (objection := objection_to_folder(out)):
+        raise ConfigError(f"--out {objection}")
+    for name, value in walls.items():
+        settings_of(SideWalls)[name].check(value, flag_of(WALLS[name]))
+    _require_flow_file(data)
+    return Request(data[0], out, as_json, law, SideWalls(**walls))
+
+
+def _require_flow_file(paths: list[Path]) -> None:
+    """Raises an error for the files of an instrument, with the command that converts them."""
+    first = paths[0]
+    if not first.exists():
+        raise ConfigError(f"{first} does not exist: name a flow file")
+    if first.is_file() and is_flow_file(first):
+        if len(paths) > 1:
+            raise ConfigError(f"expected one flow file, got {len(paths)}: inspect one at a time")
+        return
+    raise refusal(paths, "inspect")
+
+
+def run(argv: Sequence[str]) -> int:
+    data, out, as_json, law, side_walls = parse(argv)
+    with warnings.catch_warnings():
+        # Exact zeros have their own line in what is printed.
+        warnings.simplefilter("ignore", FlowFileWarning)
+        flow = read_flow(data)
+    found = inspect(flow, law, side_walls)
+    numbers = json.dumps(found.numbers(), indent=2, allow_nan=False)
+    if out is not None:
+        write(found, numbers, out)
+    if as_json:
+        print(numbers)
+        return 0
+    if (mean := said(found.flow)) is not None:
+        print(mean)
+    elif found.flow.t.size < flow.t.size:
+        print(
+            f"large flow: measured in {found.flow.t.size} of {flow.t.size} frames, from t = "
+            f"{found.flow.t[0]:.4g} to {found.flow.t[-1]:.4g}; checked in all"
+        )
+    print("\n".join(found.lines()))
+    if out is not None:
+        print(f"figures and inspect.json: {out}")
+    if found.slips:
+        print("next: mend the flow file, or convert again with the right calibration")
+    else:
+        print(f"next: {training_of(flow, data)}")
+    return 0
+
+
+def write(found: Inspection, numbers: str, folder: Path) -> None:
+    """Writes inspect.json and the figures to a folder, which is made if necessary."""
+    from granpinn.figures.style import save  # matplotlib is slow to import
+
+    make_folder(folder)
+    write_text(folder / "inspect.json", numbers + "\n")
+    for record in found.records.values():
+        for name, (_, draw) in record.figures().items():
+            save(draw(found).figure, folder / f"{name}.png")
+
+
+main = Command("inspect", parser, run)

@@ -1,0 +1,57 @@
+"""The report of a run: `python -m granpinn.report DIR`.
+
+It reads only the run folder: results.json, and fields.h5 and history.csv if they are there.
+It writes results.csv, figures/*.png and report.html, one page that needs no other file and no
+network. The page lists what is missing. With --paraview it writes fields.vtkhdf too.
+"""
+
+from __future__ import annotations
+
+if __name__ == "__main__":
+    from granpinn.command import cli
+
+    cli.start("report")
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from granpinn.command.cli import Command
+from granpinn.command.parser import Parser
+from granpinn.config.fields import Setting
+from granpinn.output import owned
+from granpinn.report.page import build, for_paraview
+
+SETTINGS = {
+    "time": Setting(
+        float | None,
+        None,
+        "time of maps and profiles, in the unit of the flow file; default 0.7 of the last",
+    ),
+    "pdf": Setting(bool, False, "write the figures as PDF too, for talks"),
+    "paraview": Setting(bool, False, "write fields.vtkhdf too, the fields over time for ParaView"),
+}
+
+
+def parser() -> Parser:
+    made = Parser(
+        "report",
+        "DIR [--pdf] [--paraview] [--time T]",
+        "Draw the figures of a finished run and write its report.html.",
+    )
+    made.add_argument("folder", type=Path, help="the run folder, --out of granpinn.train")
+    made.add_settings(SETTINGS)
+    return made
+
+
+def run(argv: Sequence[str]) -> int:
+    given = vars(parser().parse_args(argv))
+    folder, time = given["folder"], given.get("time")
+    SETTINGS["time"].check(time, "--time")
+    with owned(folder if folder.is_dir() else None):
+        print(build(folder, time, given.get("pdf", False)))
+        if given.get("paraview"):
+            print(for_paraview(folder))
+    return 0
+
+
+main = Command("report", parser, run)

@@ -1,0 +1,141 @@
+"""The command `python -m granpinn.train FLOW.h5 --out DIR`: from a flow file to a report.
+
+flow file -> noise -> training set -> identification -> results.json, fields.h5 -> checks -> report
+
+Whatever follows the first results.json fails alone: it becomes a sentence in `not_done` of
+results.json, in the terminal and on the page (granpinn/results/attempt.py).
+
+`torchrun --nproc-per-node K -m granpinn.train ...` lets K processes share every batch. If the
+machine has GPUs, each process uses its own one.
+
+The work is in granpinn/command/training_run.py, which is loaded after the words of the command: so
+`--help` and refusals are quick.
+
+Exit codes: 0 done, also without a check of the default, a figure or the page; 2 bad input; 1 the
+run could not go on, or it lacks fields or a check that a setting asks for; 129, 130, 143 stopped by
+SIGHUP, SIGINT, SIGTERM.
+"""
+
+from __future__ import annotations
+
+if __name__ == "__main__":
+    from granpinn.command import cli
+
+    cli.start("train")
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from granpinn.command import exit_codes
+from granpinn.command.cli import Command
+from granpinn.command.parser import Parser, program
+from granpinn.config import Config, ConfigError, settings_of
+from granpinn.config.fields import sections_of
+from granpinn.config.toml import read_saved, read_toml
+from granpinn.physics.laws import LAWS
+
+# Without a flow file: the collapse that comes with the package, in fewer steps than by default.
+DEMONSTRATION = {"out": "granpinn-demo", "steps": 6000}
+# The settings in --help, which has --config and --help-all too; --help-all has the others.
+USUAL = (
+    *("out", "level", "law", "recipe", "I0", "seed", "members", "device", "max_time", "steps"),
+    *("checks", "compare_laws", "resimulate", "resume"),
+)
+EXAMPLES = """examples:
+  python -m granpinn.train
+      a demonstration: the collapse that comes with granpinn, to the folder granpinn-demo; it
+      takes every setting, such as --max-time 60
+  python -m granpinn.train collapse.h5 --out run
+      identify the friction law from velocities and the line of the free surface (level V1)
+  python -m granpinn.train collapse.h5 --out run --members 8
+      the same with eight networks, for a steadier value; on a GPU nearly as fast as one
+  python -m granpinn.train collapse.h5 --out run --max-time 600
+      the same, planned to end within 10 minutes
+  python -m granpinn.train --out run --resume
+      continue an interrupted run
+  python -m granpinn.train collapse.h5 --out paper --recipe paper --steps 30000
+      the paper's method, with fewer steps
+
+Ctrl-C saves a checkpoint and stops; a second Ctrl-C stops at once."""
+
+
+class Arguments(NamedTuple):
+    """What a command line gives: settings, and whether to print all that is known."""
+
+    config: Config
+    verbose: bool
+
+
+def parser() -> Parser:
+    made = Parser(
+        "train",
+        "[FLOW.h5 --out DIR] [settings]",
+        "Identify the friction law and the pressure of a granular flow.",
+        EXAMPLES,
+    )
+    made.add_argument("flow", nargs="?", metavar="FLOW", help="the flow file (HDF5)")
+    made.add_argument("--config", metavar="FILE.toml", help="settings from a file; flags win")
+    made.add_argument(
+        "--verbose",
+        action="store_true",
+        default=False,
+        help="print tables, errors of the fields and every check too, as soon as they are known",
+    )
+    groups = {name: kind.__doc__ or "" for name, kind in sections_of(Config).items()}
+    flags = {key: stated for key, stated in settings_of(Config).items() if key != "flow"}
+    made.add_settings(flags, groups, USUAL)
+    return made
+
+
+def parse(argv: Sequence[str]) -> Arguments:
+    """The arguments of a command line; the message of ConfigError is one sentence.
+
+    Later ones win: recipe, `config.toml` of the run that is resumed, `--config` file, flags.
+    Without a flow file: the settings of the demonstration, changed by those that are given.
+    """
+    flags = vars(parser().parse_args(argv))
+    file, verbose = flags.pop("config", None), flags.pop("verbose")
+    values = read_toml(Path(file)) if file else {}
+    if flags.get("recipe", values.get("recipe")) != values.get("recipe", flags.get("recipe")):
+        raise ConfigError(
+            f"--recipe {flags['recipe']} contradicts {file}, which has the recipe "
+            f"{values['recipe']}: leave one of them out"
+        )
+    if "flow" not in (flags | values):
+        values.setdefault("out", DEMONSTRATION["out"])
+    saved = Path(flags.get("out") or values.get("out") or "") / "config.toml"
+    if flags.get("resume", values.get("resume")) and saved.exists():
+        values = read_saved(saved) | values
+    values |= flags
+    if values.get("flow") is None and not values.get("resume"):
+        values = _demonstration(values)
+    config = Config(**values)
+    if "I0" in flags and "I0" not in LAWS[config.law].names:
+        raise ConfigError(f"the friction law {config.law} has no I0: leave --I0 out")
+    for name, text in (("flow", "FLOW, the flow file,"), ("out", "--out, the folder of the run,")):
+        if getattr(config, name) is None:
+            raise ConfigError(f"{text} is missing: {program('train')} FLOW.h5 --out DIR")
+    return Arguments(config, verbose)
+
+
+def _demonstration(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings of the demonstration, changed by those that are given."""
+    from granpinn.simulation import demo_path
+
+    ends = {name for name in ("steps", "epochs", "max_time") if name in values}
+    usual = {name: v for name, v in DEMONSTRATION.items() if name != "steps" or not ends}
+    return usual | dict(values) | {"flow": str(demo_path())}
+
+
+def run(argv: Sequence[str]) -> int:
+    begin = time.monotonic()
+    config, verbose = parse(argv)
+    from granpinn.command import training_run
+
+    exit_codes.keep_what_is_loaded()
+    return training_run.run(config, verbose, begin)
+
+
+main = Command("train", parser, run)

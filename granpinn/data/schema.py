@@ -1,0 +1,296 @@
+"""The schema of the flow file, version 1: a table of datasets with shapes, types and units.
+
+The reader, the writer and the checks of flows in memory all use this table. Axes: T times, Y rows,
+X columns, N scattered vectors, n points of the free surface, m points of walls. A file has either
+the grid or the particles. The meaning of the datasets stands at the fields of `Flow`, `Particles`,
+`Surface` and `Walls`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.data.flow import (
+    PERIOD_X,
+    STEADY,
+    SURFACE_SD,
+    WALL_GAP,
+    WINDOW,
+    Flow,
+    FlowFileError,
+    Particles,
+)
+from granpinn.physics.law_values import PARAMETERS
+
+if TYPE_CHECKING:
+    from granpinn.data.hdf5 import Attributes
+
+FORMAT_NAME = "granpinn-flow"
+FORMAT_VERSION = 1
+MOST_IN_MEMORY = 2**30  # bytes of a flow; a larger one is stored so that it can be used in its file
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Shape and type of a dataset, in a file or in memory."""
+
+    shape: tuple[int, ...]
+    dtype: str
+
+
+class DatasetRule(NamedTuple):
+    """What one dataset may be.
+
+    Attributes:
+        axes: names of its axes.
+        dtypes: that it may have in a file.
+        dtype: in memory; None: as in the file.
+        quantity: whose unit it has.
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    dtypes: tuple[str, ...]
+    dtype: str | None
+    quantity: str
+    required: bool = False
+
+    def __str__(self) -> str:
+        return f"{' or '.join(self.dtypes)} [{', '.join(self.axes)}]"
+
+
+PARTICLES = "particles"
+_GRID, _N, _SURFACE, _WALL = ("T", "Y", "X"), ("N",), ("n",), ("m",)
+_SINGLE, _DOUBLE = ("float32",), ("float64",)
+# A velocity keeps its type: rounded to float32 in other units, it would be another number.
+_BOTH = (*_SINGLE, *_DOUBLE)
+
+GRID_DATASETS = (
+    DatasetRule("t", ("T",), _DOUBLE, "float64", "time", True),
+    DatasetRule("y", ("Y",), _DOUBLE, "float64", "length", True),
+    DatasetRule("x", ("X",), _DOUBLE, "float64", "length", True),
+    DatasetRule("c", _GRID, _SINGLE, "float32", "fraction", True),
+    DatasetRule("u", _GRID, _BOTH, None, "velocity", True),
+    DatasetRule("v", _GRID, _BOTH, None, "velocity", True),
+    DatasetRule("p", _GRID, _SINGLE, "float32", "pressure"),
+    DatasetRule("sigma_u", _GRID, _SINGLE, "float32", "velocity"),
+    DatasetRule("sigma_v", _GRID, _SINGLE, "float32", "velocity"),
+)
+PARTICLE_DATASETS = (
+    DatasetRule(f"{PARTICLES}/t", _N, _DOUBLE, "float64", "time", True),
+    DatasetRule(f"{PARTICLES}/x", _N, _DOUBLE, "float64", "length", True),
+    DatasetRule(f"{PARTICLES}/y", _N, _DOUBLE, "float64", "length", True),
+    DatasetRule(f"{PARTICLES}/u", _N, _BOTH, None, "velocity", True),
+    DatasetRule(f"{PARTICLES}/v", _N, _BOTH, None, "velocity", True),
+    DatasetRule(f"{PARTICLES}/sigma_u", _N, _SINGLE, "float32", "velocity"),
+    DatasetRule(f"{PARTICLES}/sigma_v", _N, _SINGLE, "float32", "velocity"),
+)
+SURFACE_DATASETS = (
+    DatasetRule("surface_t", _SURFACE, ("float64", "float32"), "float64", "time"),
+    DatasetRule("surface_x", _SURFACE, ("float64", "float32"), "float64", "length"),
+    DatasetRule("surface_y", _SURFACE, ("float64", "float32"), "float64", "length"),
+    DatasetRule("surface_p", _SURFACE, _BOTH, "float32", "pressure"),
+)
+WALL_DATASETS = (
+    DatasetRule("wall_x", _WALL, _DOUBLE, "float64", "length"),
+    DatasetRule("wall_y", _WALL, _DOUBLE, "float64", "length"),
+    DatasetRule("wall_t", _WALL, _DOUBLE, "float64", "time"),
+    DatasetRule("wall_u", _WALL, _BOTH, "float64", "velocity"),
+    DatasetRule("wall_v", _WALL, _BOTH, "float64", "velocity"),
+    DatasetRule("wall_slip", _WALL, _BOTH, "float32", "fraction"),
+    DatasetRule("wall_p", _WALL, _BOTH, "float32", "pressure"),
+    DatasetRule("wall_tau", _WALL, _BOTH, "float32", "pressure"),
+)
+DATASETS = {
+    rule.name: rule
+    for rule in (*GRID_DATASETS, *PARTICLE_DATASETS, *SURFACE_DATASETS, *WALL_DATASETS)
+}
+
+# Root attributes with a meaning of their own; all others are kept in Flow.attributes.
+NUMBERS = ("density", "grain_diameter")
+TEXTS = ("length_unit", "time_unit")
+OPTIONAL_TEXTS = ("density_unit",)
+OPTIONAL_NUMBERS = ("eta_max", "eta_min", "sigma_u", "sigma_v", "grain_density")
+# Numbers about the whole flow, in Flow.attributes: 1 if it is steady; its period along x; the
+# sd of its surface line; the distance between side walls; the window of its vectors.
+OF_FLOW = (STEADY, PERIOD_X, SURFACE_SD, WALL_GAP, WINDOW)
+TRUE_LAW = "true_law"  # absent: mu_of_i
+TRUTH = {f"true_{name}": name for name in PARAMETERS}
+KNOWN_ATTRIBUTES = frozenset(
+    (
+        *("format_name", "format_version", "gravity", TRUE_LAW),
+        *(*NUMBERS, *TEXTS, *OPTIONAL_TEXTS, *OPTIONAL_NUMBERS, *OF_FLOW, *TRUTH),
+    )
+)
+
+
+# Each makes other numbers of the stored ones: the first two even if they only round, the third
+# (of xarray) truth values or durations.
+CHANGING = ("scale_factor", "add_offset", "dtype")
+FILL = ("_FillValue", "missing_value")
+SI = ("m", "s", "kg/m^3")
+WRITE_HINT = "write it with granpinn.data.write_flow"
+
+
+def arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
+    """The arrays of a flow by the names of their datasets."""
+    own = grid_arrays_of(flow) if flow.particles is None else particle_arrays_of(flow.particles)
+    own |= _arrays(SURFACE_DATASETS, "surface_", flow.surface)
+    return own | _arrays(WALL_DATASETS, "wall_", flow.walls)
+
+
+def grid_arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
+    """The arrays on the grid, also if it is only a view of particles."""
+    return _arrays(GRID_DATASETS, "", flow)
+
+
+def particle_arrays_of(particles: Particles) -> dict[str, npt.NDArray[Any]]:
+    """The arrays of particles by the names of their datasets."""
+    return _arrays(PARTICLE_DATASETS, f"{PARTICLES}/", particles)
+
+
+def _arrays(
+    rules: tuple[DatasetRule, ...], prefix: str, holder: Any
+) -> dict[str, npt.NDArray[Any]]:
+    parts = {rule.name: getattr(holder, rule.name.removeprefix(prefix), None) for rule in rules}
+    return {name: part for name, part in parts.items() if isinstance(part, np.ndarray)}
+
+
+def unit_of(rule: DatasetRule, length: str, time: str, density: str | None) -> str | None:
+    """The unit of a dataset in a file with units of length, time and density.
+
+    None for a pressure, unless the flow is dimensionless or in SI units.
+    """
+    if rule.quantity == "fraction" or length == time == "1":
+        return "1"
+    if rule.quantity == "pressure":
+        return "Pa" if (length, time, density) == SI else None
+    return {"time": time, "length": length, "velocity": f"{length}/{time}"}[rule.quantity]
+
+
+def check_conventions(name: str, attributes: Attributes, wanted: str | None) -> None:
+    """Raises FlowFileError if an attribute of a dataset changes its numbers or their unit.
+
+    Programs that open the file as netCDF, such as xarray, apply the attributes of the CF
+    conventions. granpinn takes the numbers as they are stored.
+    """
+    fills = {attribute: attributes.numbers(attribute) for attribute in FILL}
+    other = [a for a, values in fills.items() if values and not np.isnan(values).all()]
+    if wrong := [a for a in CHANGING if a in attributes] + other:
+        raise FlowFileError(
+            f"{name} must be stored as it is, NaN where there is no value, got the attribute "
+            f"{wrong[0]}, by which other programs change its numbers: write the final numbers "
+            "without it"
+        )
+    if "units" not in attributes:
+        return
+    found = attributes.text("units")
+    if wanted is None:
+        raise FlowFileError(
+            f"{name} must have no attribute units unless the file is dimensionless or in m, s and "
+            f"kg/m^3 (density_unit), got {found!r}: remove it, or state density_unit"
+        )
+    if found is None or _plain(found) not in (
+        _plain(wanted),
+        _plain(wanted.replace("/", " ") + "-1"),
+    ):
+        raise FlowFileError(
+            f"{name} must be in {wanted!r} by length_unit and time_unit of the file, got the "
+            f"attribute units = {found!r}: convert {name}, or correct the attribute"
+        )
+
+
+def _plain(unit: str) -> str:
+    """A unit without the signs of a product or a power: "m s^-1" becomes "ms-1"."""
+    return re.sub(r"[ .*^]", "", unit) or "1"
+
+
+def check_layout(found: Mapping[str, Layout]) -> None:
+    """Checks the presence, types and shapes of the datasets.
+
+    Args:
+        found: shape and type of every dataset of the format that the file has.
+    """
+    sizes: dict[str, int] = {}
+    scattered = [rule.name for rule in PARTICLE_DATASETS if rule.name in found]
+    gridded = [rule.name for rule in GRID_DATASETS if rule.name in found]
+    if scattered and gridded:
+        raise FlowFileError(
+            f"a flow must be on a grid or at particles, got both {gridded[0]} and "
+            f"{scattered[0]}: leave one of them out"
+        )
+    own = PARTICLE_DATASETS if scattered else GRID_DATASETS
+    for rule in (*own, *SURFACE_DATASETS, *WALL_DATASETS):
+        if rule.name in found:
+            _check_one_layout(rule, found[rule.name], sizes)
+        elif rule.required:
+            names = ", ".join(found) or "none of the format"
+            raise FlowFileError(
+                f"{rule.name} is missing: expected a dataset {rule.name} {rule}, found {names}; "
+                "add it" + ("" if scattered else ", NaN where nothing is known")
+            )
+    surface = [name for name in ("surface_t", "surface_x", "surface_y") if name in found]
+    if len(surface) in (1, 2) or ("surface_p" in found and not surface):
+        raise FlowFileError(
+            "surface_t, surface_x and surface_y must come together, got "
+            f"{' and '.join(surface) or 'surface_p'} alone: add the others or leave all out"
+        )
+    walls = [rule.name for rule in WALL_DATASETS if rule.name in found]
+    for first, second in (("wall_x", "wall_y"), ("wall_u", "wall_v")):
+        if (first in walls) != (second in walls) or (walls and "wall_x" not in walls):
+            raise FlowFileError(
+                f"{first} and {second} must come together, and with every other dataset of walls "
+                f"wall_x and wall_y, got {' and '.join(walls)}: add the others or leave them out"
+            )
+
+
+def _check_one_layout(rule: DatasetRule, layout: Layout, sizes: dict[str, int]) -> None:
+    """Checks one dataset against its rule; `sizes` collects the length of every axis."""
+    name, shape = rule.name, layout.shape
+    axes = f"[{', '.join(rule.axes)}]"
+    if layout.dtype not in rule.dtypes:
+        raise FlowFileError(
+            f"{name} must be {rule}, got {layout.dtype} {list(shape)}: convert it or {WRITE_HINT}"
+        )
+    if len(shape) != len(rule.axes):
+        raise FlowFileError(
+            f"{name} must be {rule}, got {len(shape)} dimensions {list(shape)}: reshape it"
+        )
+    points = {"n": "surface", "m": "walls"}.get(rule.axes[0])
+    if points and shape[0] == 0:
+        raise FlowFileError(
+            f"{name} must hold at least one point, got none: leave the {points} out instead"
+        )
+    least = 1 if rule.axes == ("T",) else 2  # one frame is a steady flow
+    if len(shape) == 1 and not points and shape[0] < least:
+        raise FlowFileError(
+            f"{name} must hold at least {('one value', 'two values')[least - 1]}, got {shape[0]}: "
+            "give more of the flow"
+        )
+    for axis, size in zip(rule.axes, shape, strict=True):
+        sizes.setdefault(axis, size)
+    expected = tuple(sizes[axis] for axis in rule.axes)
+    if shape == expected:
+        return
+    if rule.axes == ("n",):
+        raise FlowFileError(
+            f"{name} must have as many points as surface_t, {expected[0]}, got {shape[0]}: "
+            "give every surface point a time, a position and, if at all, a pressure"
+        )
+    if rule.axes == ("m",):
+        raise FlowFileError(
+            f"{name} must have as many points as wall_x, {expected[0]}, got {shape[0]}: give every "
+            "point of a wall a value, NaN where two pieces part"
+        )
+    advice = (
+        "transpose it"
+        if sorted(shape) == sorted(expected)
+        else "give it a value at every point of the grid t, y, x"
+    )
+    raise FlowFileError(f"{name} must be {axes} = {list(expected)}, got {list(shape)}: {advice}")

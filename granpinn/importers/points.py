@@ -1,0 +1,125 @@
+"""Points of the free surface and of walls, from tables and arrays, in the axes of the vectors.
+
+A column with a unit in brackets is in that unit; the others have the units of the vectors. p and
+tau have the unit of pressure of the flow file.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from granpinn.arrays import plain_array
+from granpinn.data.flow import FlowFileWarning, Surface, Walls
+from granpinn.importers.columns import NAMES, TextTable, read_headed, require, require_finite
+from granpinn.importers.frame import Frame
+from granpinn.importers.opyf import read_depths
+from granpinn.importers.vectors import DataFileError, VectorFields
+
+# Quantities of the columns; a slip has none.
+DIMENSIONS = {
+    **dict.fromkeys(("x", "y"), "length"),
+    **dict.fromkeys(("u", "v"), "velocity"),
+    **dict.fromkeys(("p", "tau"), "pressure"),
+}
+WALL_COLUMNS = {name: NAMES.get(name, (name,)) for name in (*DIMENSIONS, "t", "slip")}
+
+
+def read_surface(path: Path, frame: Frame, si: VectorFields) -> Surface:
+    """The points of a table with the columns t (or frame), x, y, or of opyf's depths.
+
+    Depths beyond the sides of the vectors are left out: opyf finds them in the whole image.
+
+    Args:
+        frame: of the vectors, in whose axes the points are given.
+        si: the vectors.
+    """
+    depths = read_depths(path)
+    table = depths or read_headed(path, ("x", "y"))
+    time = "t" if "t" in table.columns else "frame"
+    require(path, table.named, [] if time in table.columns else ["t (or frame)"])
+    columns = {name: table.columns[name] for name in (time, "x", "y")}
+    require_finite(path, columns)
+    points = _in_si(path, replace(table, columns=columns), frame)
+    surface = Surface(points["t"], points["x"], points["y"])
+    return surface if depths is None else _between_sides(surface, si, path)
+
+
+def _between_sides(surface: Surface, si: VectorFields, path: Path) -> Surface:
+    """The points from the first to the last place x of the vectors; the others are named once."""
+    low, high = float(si.x.min()), float(si.x.max())
+    inside = (surface.x >= low) & (surface.x <= high)
+    if not inside.any():
+        raise DataFileError(
+            f"{path} must hold depths between the sides of the vectors, x = {low:.4g} to "
+            f"{high:.4g}, got x = {surface.x.min():.4g} to {surface.x.max():.4g}: give the depths "
+            "of the same run, and their unit by --length-unit"
+        )
+    if not inside.all():
+        warnings.warn(
+            f"{int((~inside).sum())} of {inside.size} depths of {path.name} lie beyond the sides "
+            f"of the vectors, x = {low:.4g} to {high:.4g}, and are left out",
+            FlowFileWarning,
+            stacklevel=5,
+        )
+    return Surface(surface.t[inside], surface.x[inside], surface.y[inside])
+
+
+def read_walls(path: Path, frame: Frame) -> Walls:
+    """The walls of a table with the columns x, y of points in order, nan between two pieces.
+
+    Further columns are t, u, v, slip, p and tau.
+
+    Raises:
+        DataFileError: the file is no such table.
+    """
+    table = read_headed(path, ("x", "y"), WALL_COLUMNS)
+    if len(table.columns) < len(table.named):
+        names = ", ".join(column.name for column in table.named)
+        raise DataFileError(
+            f"{path} must have a first line with the columns x, y and any of t, u, v, slip, p, "
+            f"tau, got {names[:60]}: leave out the other columns"
+        )
+    require_finite(path, table.columns, nan=True)
+    si = _in_si(path, table, frame)
+    if "v" in si:
+        si["v"] = frame.up * si["v"]
+    single = {n: si[n].astype(np.float32) for n in ("slip", "p", "tau") if n in si}
+    return Walls(**si | single)
+
+
+def _in_si(path: Path, table: TextTable, frame: Frame) -> dict[str, Any]:
+    """The columns in SI and in the axes of the flow; the time is t."""
+    si: dict[str, Any] = {}
+    for name, values in table.columns.items():
+        unit, what = table.units.get(name), f"{path}: {name}"
+        if name in ("t", "frame"):
+            si["t"] = frame.moments(values, "frame" if name == "frame" else unit, what)
+        else:
+            known = DIMENSIONS.get(name)
+            si[name] = values * frame.factor(unit, known, what) if known else values
+    si["x"], si["y"] = frame.place(si["x"] / frame.length, si["y"] / frame.length)
+    return si
+
+
+def surface_of(arrays: Sequence[npt.ArrayLike], frame: Frame) -> Surface:
+    """The points t, x, y [n] in the units and axes of the vectors."""
+    try:
+        t, x, y = (
+            plain_array(values, name, DataFileError).astype(np.float64)
+            for name, values in zip("txy", arrays, strict=True)
+        )
+    except (TypeError, ValueError) as error:
+        raise DataFileError(f"surface must be three arrays t, x, y of numbers: {error}") from None
+    if t.ndim != 1 or not t.shape == x.shape == y.shape or t.size == 0:
+        shapes = ", ".join(str(list(values.shape)) for values in (t, x, y))
+        raise DataFileError(f"surface must be t, x, y of one length [n], got {shapes}")
+    require_finite("surface", {"t": t, "x": x, "y": y})
+    frame.factor(None, "length", "surface")  # one unit for x and y
+    return Surface(frame.times(t), *frame.place(x, y))
