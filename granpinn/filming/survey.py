@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float64
 from granpinn.filming.frames import Frames, Picture
-from granpinn.filming.tracking import LARGEST, MAX_RETURN, features, follow, side_of_window
+from granpinn.filming.tracking import LARGEST, features, follow, side_of_window
 from granpinn.importers.vectors import DataFileError
 
 SAMPLES = 400  # features of a frame
@@ -100,7 +100,7 @@ def survey(frames: Frames, grains: Callable[[Picture], Picture], grain: float) -
                 places = features(before, grain, grains(before), SAMPLES)
             found.count[k] = len(places)
             motion = follow(before, picture, places, side_of_window(grain))
-            sure = motion.found & (motion.back < MAX_RETURN)
+            sure = motion.found
             if len(places):
                 found.found[k] = sure.mean()
             if sure.any():

@@ -5,10 +5,9 @@ pyramidal method of Lucas and Kanade. Its velocity at frame c is $(x_+ - x_-) / 
 second order in time. h is 1, 2, 4, ... and chosen region by region: the largest one for which the
 fast grains of the region move by at most `LARGEST` px from the first to the last image.
 
-The standard deviation has four parts, weighted by `WEIGHTS`, which were fitted on rendered films
-(bench/studies/film): the lattice of pixels, the forward-backward error, the grey levels that are
-left over between the images, and the scatter of the neighbors around a plane, which also holds the
-motion of single grains.
+The standard deviation has two parts, with factors from rendered films (bench/studies/film): the
+lattice of pixels, and the scatter of the neighbors around a plane, which also holds the motion of
+single grains. So the scatter is also the granular temperature, with the noise in it.
 """
 
 from __future__ import annotations
@@ -36,19 +35,15 @@ MAX_MEDIAN = 3.0  # deviation from the median of the neighbors, in their usual d
 LATTICE = 0.1  # px, the least deviation that counts
 REGION = 8.0  # grain diameters, the side of a region
 FAST = 0.9  # quantile of the speed in a region
-# Of the variances: lattice [px^2], forward-backward, noise, scatter of the neighbors.
-WEIGHTS = (5.2e-5, 0.29, 0.12, 0.55)
-_GRADIENT = 255 / 2  # grey levels per pixel in one unit of OpenCV's eigenvalues, over the window
+ROUNDING, SCATTER = 0.01, 0.8  # deviation by the lattice, px; part of the variance of neighbors
 _STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.003)
 
 
 class Motion(NamedTuple):
-    """Displacements [n, 2], forward-backward errors [n], and whether both ways were found [n]."""
+    """Displacements [n, 2], and whether they come back to where they began [n]."""
 
     moved: npt.NDArray[np.float32]
-    back: Float64
     found: Bool
-    residual: Float64
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +53,6 @@ class Vectors:
     Attributes:
         x, y: px, y down. u, v: px/frame.
         sd: standard deviation of u and of v.
-        parts: variances [n, 4] in the order of WEIGHTS, without their weights, px^2/frame^2.
         temperature: half of the mean square of the residual motion; noise is in it.
         step: h. good: whether the vector passed all tests.
     """
@@ -68,7 +62,6 @@ class Vectors:
     u: Float64
     v: Float64
     sd: Float64
-    parts: Float64
     temperature: Float64
     step: Int64
     good: Bool
@@ -105,20 +98,19 @@ def follow(
         guess: displacements [n, 2]; none: the search begins where they are.
     """
     if len(places) == 0:
-        empty = np.zeros(0)
-        return Motion(np.zeros((0, 2), np.float32), empty, empty > 0, empty)
+        return Motion(np.zeros((0, 2), np.float32), np.zeros(0, bool))
     start = places.astype(np.float32)
     moved = np.zeros_like(start) if guess is None else guess.astype(np.float32)
     flags = cv2.OPTFLOW_USE_INITIAL_FLOW
     size = (window, window)
     options: Any = {"winSize": size, "maxLevel": levels, "criteria": _STOP, "flags": flags}
-    there, seen, residual = cv2.calcOpticalFlowPyrLK(first, second, start, start + moved, **options)
+    there, seen, _ = cv2.calcOpticalFlowPyrLK(first, second, start, start + moved, **options)
     back, again, _ = cv2.calcOpticalFlowPyrLK(second, first, there, there - moved, **options)
     rows, columns = first.shape
     inside = (there >= 0).all(1) & (there[:, 0] < columns) & (there[:, 1] < rows)
-    found = (seen[:, 0] == 1) & (again[:, 0] == 1) & inside
-    error = np.hypot(*(back - start).T).astype(np.float64)
-    return Motion(there - start, error, found, residual[:, 0].astype(np.float64))
+    error = np.hypot(*(back - start).T)
+    found = (seen[:, 0] == 1) & (again[:, 0] == 1) & inside & (error < MAX_RETURN)
+    return Motion(there - start, found)
 
 
 def velocities(
@@ -135,28 +127,24 @@ def velocities(
     window = side_of_window(grain)
     places = features(pictures[0], grain, where)
     near = follow(pictures[0], pictures[1], places, window)
-    sure = near.found & (near.back < MAX_RETURN)
-    places = places[sure]
-    speed, guess = _regions(places, near.moved[sure].astype(np.float64), grain)
-    step = 2 ** np.floor(np.log2(LARGEST / (2 * np.maximum(speed, 1e-3))))
-    step = np.clip(step, 1, min(reach, LONGEST)).astype(np.int64)
-    step = 2 ** np.floor(np.log2(step)).astype(np.int64)
-    n = len(places)
-    ahead, behind = np.zeros((n, 2)), np.zeros((n, 2))
-    back, residual, found = np.full(n, np.inf), np.zeros(n), np.zeros(n, bool)
+    places = places[near.found]
+    speed, guess = _regions(places, near.moved[near.found].astype(np.float64), grain)
+    step = LARGEST / (2 * np.maximum(speed, 1e-3))
+    step = 2 ** np.floor(np.log2(np.clip(step, 1, min(reach, LONGEST)))).astype(np.int64)
+    velocity, good = np.zeros((len(places), 2)), np.zeros(len(places), bool)
     for h in np.unique(step):
         now = step == h
-        ways = [
+        ahead, behind = (
             follow(pictures[0], pictures[sign * h], places[now], window, sign * h * guess[now], 2)
             for sign in (1, -1)
-        ]
-        ahead[now], behind[now] = (way.moved for way in ways)
-        back[now] = np.sqrt((ways[0].back ** 2 + ways[1].back ** 2) / 2)
-        residual[now] = (ways[0].residual + ways[1].residual) / 2
-        found[now] = ways[0].found & ways[1].found
-    velocity = (ahead - behind) / (2 * step)[:, None]
-    good = found & (back < MAX_RETURN)
-    return _judged(pictures[0], places, velocity, step, good, back, residual, window)
+        )
+        velocity[now] = (ahead.moved - behind.moved) / (2 * h)
+        good[now] = ahead.found & behind.found
+    good[good] = ~_outliers(places[good], velocity[good], step[good])
+    scatter = np.zeros(len(places))
+    scatter[good] = _scatter(places[good], velocity[good])
+    sd = np.sqrt((ROUNDING / step) ** 2 + SCATTER * scatter)
+    return Vectors(*places.T, *velocity.T, sd, scatter, step, good)
 
 
 def _regions(places: Float64, moved: Float64, grain: float) -> tuple[Float64, Float64]:
@@ -173,51 +161,23 @@ def _regions(places: Float64, moved: Float64, grain: float) -> tuple[Float64, Fl
     return speed[region], median[region]
 
 
-def _judged(
-    picture: Picture,
-    places: Float64,
-    velocity: Float64,
-    step: Int64,
-    good: Bool,
-    back: Float64,
-    residual: Float64,
-    window: int,
-) -> Vectors:
-    """Outliers by the median of the neighbors, and standard deviations."""
-    good = good & ~_outliers(places, velocity, good, step)
-    slack = np.full(len(places), np.nan)
-    if good.sum() > NEIGHBORS:
-        slack[good] = _scatter(places[good], velocity[good])
-    good = good & np.isfinite(slack)
-    slack[~good] = 0
-    # Variance of the grey levels over the sum of the squared gradient along its weaker direction.
-    sharp = cv2.cornerMinEigenVal(picture, window, ksize=3).astype(np.float64)
-    column, row = places.astype(np.int64).T if len(places) else np.zeros((2, 0), np.int64)
-    noise = (residual / (_GRADIENT * window)) ** 2 / np.maximum(sharp[row, column], 1e-9)
-    over = (1.0 / step) ** 2
-    parts = np.stack([over, over * back**2, over * noise, slack], axis=1)
-    parts[~np.isfinite(parts)] = 0
-    sd = np.sqrt(parts @ np.array(WEIGHTS))
-    (x, y), (u, v) = places.T, velocity.T
-    return Vectors(x, y, u, v, sd, parts, slack, step, good)
+def _outliers(places: Float64, velocity: Float64, step: Int64) -> Bool:
+    """Vectors [n] that differ from the median of their neighbors by more than these do.
 
-
-def _outliers(places: Float64, velocity: Float64, good: Bool, step: Int64) -> Bool:
-    """Vectors that differ from the median of their neighbors by more than these do."""
-    wrong = np.zeros(len(places), bool)
-    if good.sum() <= NEIGHBORS:
-        return wrong
-    near = cKDTree(places[good]).query(places[good], NEIGHBORS + 1)[1][:, 1:]
-    own = velocity[good]
-    around = own[near]
+    All of them where they are too few.
+    """
+    if len(places) <= 2 * NEIGHBORS:
+        return np.ones(len(places), bool)
+    around = velocity[cKDTree(places).query(places, NEIGHBORS + 1)[1][:, 1:]]
     median = np.median(around, axis=1)
-    usual = np.median(np.abs(around - median[:, None]), axis=1) + LATTICE / step[good, None]
-    wrong[good] = (np.abs(own - median) > MAX_MEDIAN * usual).any(axis=1)
-    return wrong
+    usual = np.median(np.abs(around - median[:, None]), axis=1) + LATTICE / step[:, None]
+    return np.asarray((np.abs(velocity - median) > MAX_MEDIAN * usual).any(axis=1))
 
 
 def _scatter(places: Float64, velocity: Float64) -> Float64:
     """Variance [n] of one component around a plane through the neighbors of each place."""
+    if len(places) <= NEIGHBORS:
+        return np.zeros(len(places))
     near = cKDTree(places).query(places, NEIGHBORS + 1)[1]
     offset = places[near] - places[:, None]
     scale = np.sqrt((offset**2).mean(axis=(1, 2)))[:, None, None] + 1e-9
