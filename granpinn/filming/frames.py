@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.foreign import installed
 from granpinn.importers.limits import read_file
 from granpinn.importers.series import expand
 from granpinn.importers.vectors import DataFileError
@@ -121,12 +120,8 @@ def opened(sources: Sequence[str | Path]) -> Frames:
     """The film of image files, a folder or pattern of them, or a video.
 
     Raises:
-        DataFileError: OpenCV is not installed, no file matches, or there are too few frames.
+        DataFileError: no file matches, or there are too few frames.
     """
-    if not installed("cv2"):
-        raise DataFileError(
-            "films need OpenCV, which is not installed: pip install 'granpinn[film]'"
-        )
     files = expand(sources)
     video = files[0].suffix.lower() in VIDEOS
     if video and len(files) > 1:

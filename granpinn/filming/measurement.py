@@ -25,7 +25,6 @@ from granpinn.filming.tracking import LONGEST, Vectors, velocities
 from granpinn.importers import DataFileError, Settings, convert, units, vector_fields
 from granpinn.importers.limits import read_file
 from granpinn.importers.settings import SURFACES
-from granpinn.importers.vectors import VectorFields
 
 MAX_FIELDS = 200  # frames with vectors, unless --frames chooses others
 SAMPLES = 9  # pictures for the segmentation
@@ -49,20 +48,15 @@ class Measured:
     """A film and what was measured in it.
 
     Attributes:
-        flow: the result.
-        said: sentences for the user: pairing, faults.
         fields: some frames with their vectors. line: the surface, px, y up, t in frames.
-        steps: h and the number of vectors with it.
+        said: sentences for the user: pairing, release, segmentation.
     """
 
     flow: Flow
     film: Survey
     judgement: Judgement
-    segmentation: Segmentation
     fields: list[Field]
     line: Surface | None
-    area: Float64
-    steps: dict[int, int]
     said: list[str]
 
 
@@ -77,36 +71,41 @@ def measure(
     frames = opened([sources] if isinstance(sources, str | Path) else list(sources))
     frames.region = _region(settings.roi)
     pictures = frames.sample(SAMPLES)
-    shape = pictures[0].shape
-    view = _view(settings.mask, frames, shape)
+    rows, columns = pictures[0].shape
+    view = _view(settings.mask, frames, (rows, columns))
     segmentation = segmented(pictures, grain)
-    tell(f"film: {frames.count} frames of {shape[1]} x {shape[0]} px, grains of {grain:.3g} px")
-    found = survey(frames, lambda p: segmentation.grains(p, view), grain)
-    judgement = judged(found, frames)
+    tell(f"film: {frames.count} frames of {columns} x {rows} px, grains of {grain:.3g} px")
+    film = survey(frames, lambda p: segmentation.grains(p, view), grain)
+    judgement = judged(film, frames)
+    for text in judgement.said:
+        warnings.warn(text, FlowFileWarning, stacklevel=4)
     centers, reach = _centers(judgement, settings)
     parts, fields, levels = _vectors(frames, centers, reach, segmentation, view, grain)
-    joined = [v.kept() for _, v in parts]
-    times = np.array([float(c) for c, _ in parts])
-    t = np.repeat(times, [v.x.size for v in joined])
-    _require_falling(joined, judgement.acceleration, settings)
-    steps: dict[int, int] = {}
-    for v in joined:
-        for h, n in zip(*np.unique(v.step, return_counts=True), strict=True):
-            steps[int(h)] = steps.get(int(h), 0) + int(n)
-    said = _said(judgement, parts, steps, segmentation)
+    said = _said(judgement, [*parts.values()], segmentation)
     for text in said:
         tell(text)
-    for text in judgement.said:
-        warnings.warn(text, FlowFileWarning, stacklevel=3)
-    line, area = None, np.zeros(0)
+    times = np.array([*parts], float)
+    kept = [v.kept() for v in parts.values()]
+    t = np.repeat(times, [v.x.size for v in kept])
+    names = ("x", "y", "u", "v", "sd")
+    x, y, u, v, sd = (np.concatenate([getattr(part, name) for part in kept]) for name in names)
+    angle = units.si(settings.tilt, "angle", "--tilt")
+    _require_falling(u, v, angle, judgement.acceleration, settings)
+    line = given = None
     if segmentation.useful and settings.surface == "auto":
-        tilt = units.si(settings.tilt, "angle", "--tilt")
-        line, area = traced(np.stack(levels), times, grain, (shape[0], shape[1]), view, tilt)
-    vectors = _fields(joined, t)
-    # Pixel 0 reaches from 0 to 1 in the line, and its center is 0 in the vectors.
-    given = None if line is None else (line.t, line.x - 0.5, shape[0] - line.y - 0.5)
+        line = traced(np.stack(levels), times, grain, (rows, columns), view, angle)
+    if line is not None:  # pixel 0 reaches from 0 to 1 in the line; its center is 0 in the vectors
+        given = line.t, line.x - 0.5, rows - line.y - 0.5
+    vectors = vector_fields(
+        **{"t": t, "x": x, "y": y, "u": u, "v": v, "sigma_u": sd, "sigma_v": sd.copy()},
+        length_unit="px",
+        time_unit="frame",
+        velocity_unit="px/frame",
+        y_down=True,
+        facts={"format": "film, features by OpenCV", "opencv": cv2.__version__},
+    )
     flow = convert(vectors, _settings(settings, judgement, t), report, given)
-    return Measured(flow, found, judgement, segmentation, fields, line, area, steps, said)
+    return Measured(flow, film, judgement, fields, line, said)
 
 
 def _grain(settings: FilmSettings) -> float:
@@ -190,10 +189,11 @@ def _vectors(
     segmentation: Segmentation,
     view: Picture | None,
     grain: float,
-) -> tuple[list[tuple[int, Vectors]], list[Field], list[Any]]:
-    """The second pass: vectors and level of grains of every center; few frames in memory."""
+) -> tuple[dict[int, Vectors], list[Field], list[Any]]:
+    """The second pass: vectors, by their frame, and level of grains; few frames in memory."""
     shown = {centers[int(s * len(centers))] for s in SHOWN}
-    parts, fields, levels = [], [], []
+    parts: dict[int, Vectors] = {}
+    fields, levels = [], []
     ring: deque[Picture | None] = deque(maxlen=2 * LONGEST + 1)
     wanted = set(centers)
     following = itertools.chain((frame.picture for frame in frames), [None] * LONGEST)
@@ -207,7 +207,7 @@ def _vectors(
         vectors = velocities(now, grain, where, int(reach[c]))
         if vectors.good.sum() < FEWEST:
             continue
-        parts.append((c, vectors))
+        parts[c] = vectors
         levels.append(segmentation.level(now[0]))
         if c in shown:
             fields.append(Field(c, now[0], vectors))
@@ -219,14 +219,13 @@ def _vectors(
     return parts, fields, levels
 
 
-def _require_falling(parts: list[Vectors], acceleration: float, settings: FilmSettings) -> None:
+def _require_falling(
+    u: Float64, v: Float64, angle: float, acceleration: float, settings: FilmSettings
+) -> None:
     """Refuses a film in which grains rise or gain speed faster than in a free fall.
 
     Warns of an acceleration after the release that is a small part of gravity.
     """
-    angle = units.si(settings.tilt, "angle", "--tilt")
-    down = np.concatenate([math.sin(angle) * v.u + math.cos(angle) * v.v for v in parts])
-    speed = math.sqrt(np.mean(np.concatenate([v.u**2 + v.v**2 for v in parts])))
     gravity = units.si(settings.gravity, "acceleration", "--gravity")
     frame = units.frame_time(settings.frame_rate or "", "--frame-rate")
     share = acceleration * units.scale(settings.scale or "") / frame**2 / gravity
@@ -235,33 +234,28 @@ def _require_falling(parts: list[Vectors], acceleration: float, settings: FilmSe
         f"to {FAST}: check --frame-rate, whose square is in it, and --scale"
     )
     if share < SLOW:
-        warnings.warn(said, FlowFileWarning, stacklevel=4)
-    if settings.force:
-        return
-    if share > FAST:
+        warnings.warn(said, FlowFileWarning, stacklevel=5)
+    if share > FAST and not settings.force:
         raise DataFileError(f"{said}, or give --force")
-    if down.mean() < -RISING * speed:
+    down = np.mean(math.sin(angle) * u + math.cos(angle) * v)
+    if down < -RISING * math.sqrt(np.mean(u**2 + v**2)) and not settings.force:
         raise DataFileError(
             "grains must fall on the average, but they rise: turn the pictures the right way up, "
             "check --tilt and the order of the frames, or give --force"
         )
 
 
-def _said(
-    judgement: Judgement,
-    parts: list[tuple[int, Vectors]],
-    steps: dict[int, int],
-    segmentation: Segmentation,
-) -> list[str]:
+def _said(judgement: Judgement, parts: list[Vectors], segmentation: Segmentation) -> list[str]:
     """How frames were paired, how many vectors passed, the release and the segmentation."""
-    total = sum(steps.values())
-    rejected = sum(int((~v.good).sum()) for _, v in parts)
-    pairs = ", ".join(f"{2 * h} frames: {steps[h] / total:.0%}" for h in sorted(steps))
+    good = np.concatenate([v.good for v in parts])
+    steps, counts = np.unique(np.concatenate([v.step for v in parts])[good], return_counts=True)
+    shares = counts / good.sum()
+    pairs = ", ".join(f"{2 * h} frames: {n:.0%}" for h, n in zip(steps, shares, strict=True))
     release = judgement.release
     kind = "texture" if segmentation.texture else "brightness"
     return [
-        f"vectors in {len(parts)} frames, {total} kept and {rejected} rejected; time between "
-        f"their first and last image, chosen by region: {pairs}",
+        f"vectors in {len(parts)} frames, {good.sum()} kept and {(~good).sum()} rejected; time "
+        f"between their first and last image, chosen by region: {pairs}",
         "the grains move from the first frame on; if they start from rest, give --start"
         if release is None
         else f"the grains are released at frame {release:.1f}",
@@ -269,23 +263,6 @@ def _said(
         if segmentation.useful
         else "the picture shows no background: the surface is that of the vectors",
     ]
-
-
-def _fields(parts: list[Vectors], t: Float64) -> VectorFields:
-    names = ("x", "y", "u", "v")
-    arrays = {name: np.concatenate([getattr(v, name) for v in parts]) for name in names}
-    sd = np.concatenate([v.sd for v in parts])
-    return vector_fields(
-        t=t,
-        **arrays,
-        sigma_u=sd,
-        sigma_v=sd.copy(),
-        length_unit="px",
-        time_unit="frame",
-        velocity_unit="px/frame",
-        y_down=True,
-        facts={"format": "film, features by OpenCV", "opencv": cv2.__version__},
-    )
 
 
 def _settings(settings: FilmSettings, judgement: Judgement, t: Float64) -> Settings:

@@ -102,8 +102,8 @@ def traced(
     shape: tuple[int, int],
     view: Picture | None,
     tilt: float,
-) -> tuple[Surface | None, Float64]:
-    """The free surface, in px with y up from the lower edge, and the area of the grains [T], px^2.
+) -> Surface | None:
+    """The free surface, in px with y up from the lower edge.
 
     Frames in which the area jumps have no points.
 
@@ -117,18 +117,18 @@ def traced(
     c = np.stack([without_holes(level, up) for level in even])
     sizes = [n / cells for n, cells in zip(shape, c.shape[1:], strict=True)]
     y, x = (size * (np.arange(cells) + 0.5) for size, cells in zip(sizes, c.shape[1:], strict=True))
-    area = c.sum(axis=(1, 2)) * sizes[0] * sizes[1]
+    area = c.sum(axis=(1, 2))
     near = np.median(np.stack([np.roll(area, s) for s in (-2, -1, 0, 1, 2)]), axis=0)
     near[:2], near[-2:] = area[:2], area[-2:]
     steady = np.abs(area / near - 1) < MAX_JUMP
     found = from_fraction(c[steady], t[steady], y, x, (-up[0], -up[1]))
     if found is None or view is None:
-        return found, area
+        return found
     hidden = cv2.erode(view, np.ones((2 * int(grain) + 1,) * 2, np.uint8)) == 0
     column = np.clip(found.x.astype(int), 0, shape[1] - 1)
     row = np.clip((shape[0] - found.y).astype(int), 0, shape[0] - 1)
     seen = ~hidden[row, column]
-    return (Surface(found.t[seen], found.x[seen], found.y[seen]) if seen.any() else None), area
+    return Surface(found.t[seen], found.x[seen], found.y[seen]) if seen.any() else None
 
 
 def _averaged(picture: Picture, grain: float, texture: bool) -> Level:

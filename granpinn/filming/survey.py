@@ -41,7 +41,6 @@ class Survey:
 
     Attributes:
         fast, slow: quantiles of the motion, px. found: share of the features that were followed.
-        down: mean motion down the picture, px.
         count: features. light: mean grey level. sharp: mean square of the second differences.
         broken: why a frame cannot be used.
     """
@@ -49,7 +48,6 @@ class Survey:
     fast: Float64
     slow: Float64
     found: Float64
-    down: Float64
     count: Float64
     light: Float64
     sharp: Float64
@@ -90,7 +88,7 @@ def survey(frames: Frames, grains: Callable[[Picture], Picture], grain: float) -
     for k, (picture, why) in enumerate(frames):
         if picture is None:
             found.broken[k] = why
-            before = None
+            before, places = None, places[:0]
             continue
         small = picture[::2, ::2].astype(np.float32)
         found.light[k] = small.mean()
@@ -100,16 +98,12 @@ def survey(frames: Frames, grains: Callable[[Picture], Picture], grain: float) -
                 places = features(before, grain, grains(before), SAMPLES)
             found.count[k] = len(places)
             motion = follow(before, picture, places, side_of_window(grain))
-            sure = motion.found
             if len(places):
-                found.found[k] = sure.mean()
-            if sure.any():
-                size = np.hypot(*motion.moved[sure].T)
+                found.found[k] = motion.found.mean()
+            if motion.found.any():
+                size = np.hypot(*motion.moved[motion.found].T)
                 found.slow[k], found.fast[k] = np.quantile(size, (SLOW, FAST))
-                found.down[k] = motion.moved[sure, 1].mean()
-            places = (places + motion.moved)[sure]
-        else:
-            places = np.zeros((0, 2))
+            places = (places + motion.moved)[motion.found]
         before = picture
     return found
 

@@ -129,8 +129,8 @@ def velocities(
     near = follow(pictures[0], pictures[1], places, window)
     places = places[near.found]
     speed, guess = _regions(places, near.moved[near.found].astype(np.float64), grain)
-    step = LARGEST / (2 * np.maximum(speed, 1e-3))
-    step = 2 ** np.floor(np.log2(np.clip(step, 1, min(reach, LONGEST)))).astype(np.int64)
+    most = np.clip(LARGEST / (2 * np.maximum(speed, 1e-3)), 1, min(reach, LONGEST))
+    step = 2 ** np.floor(np.log2(most)).astype(np.int64)
     velocity, good = np.zeros((len(places), 2)), np.zeros(len(places), bool)
     for h in np.unique(step):
         now = step == h
@@ -144,7 +144,8 @@ def velocities(
     scatter = np.zeros(len(places))
     scatter[good] = _scatter(places[good], velocity[good])
     sd = np.sqrt((ROUNDING / step) ** 2 + SCATTER * scatter)
-    return Vectors(*places.T, *velocity.T, sd, scatter, step, good)
+    (x, y), (u, v) = places.T, velocity.T
+    return Vectors(x, y, u, v, sd, scatter, step, good)
 
 
 def _regions(places: Float64, moved: Float64, grain: float) -> tuple[Float64, Float64]:

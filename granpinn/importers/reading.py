@@ -44,7 +44,7 @@ def read(source: Source, **settings: Any) -> Flow:
     Raises:
         granpinn.importers.DataFileError: files or settings cannot be used; one sentence.
     """
-    return convert(source, settings_from(settings))
+    return convert(source, settings_from(settings, Settings))
 
 
 def flow(
@@ -93,7 +93,7 @@ def flow(
         )
     else:
         source = from_dataset(data)
-    return convert(source, settings_from(given), line=surface)
+    return convert(source, settings_from(given, Settings), line=surface)
 
 
 def _is_array(name: str, value: Any) -> bool:
@@ -118,9 +118,7 @@ def _dataset(parts: dict[str, Any]) -> Any:
         raise DataFileError(f"u, v and the others do not fit together: {reason}") from None
 
 
-def settings_from(
-    given: Mapping[str, Any], kind: type[S] = Settings, names: Collection[str] = SETTINGS
-) -> S:
+def settings_from(given: Mapping[str, Any], kind: type[S], names: Collection[str] = SETTINGS) -> S:
     """The settings of a conversion.
 
     Args:

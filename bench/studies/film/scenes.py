@@ -59,8 +59,8 @@ def _field(flow: Flow) -> VelocityField:
     c, u, v = (np.pad(a, pad) for a in (flow.c, flow.u, flow.v))
     c[0, : flow.y.size] = flow.c[0]
     u[:, flow.y.size :], v[:, flow.y.size :] = np.nan, np.nan
-    grid = {"t": np.insert(flow.t, 0, 0.0), "y": np.append(flow.y, above), "p": None}
-    return VelocityField(dataclasses.replace(flow, c=c, u=u, v=v, **grid))
+    t, y = np.insert(flow.t, 0, 0.0), np.append(flow.y, above)
+    return VelocityField(dataclasses.replace(flow, t=t, y=y, c=c, u=u, v=v, p=None))
 
 
 def collapse(
