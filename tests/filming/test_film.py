@@ -11,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 import granpinn
 from granpinn.data import read_flow
@@ -39,25 +40,15 @@ def speed(y: Any, k: float) -> Any:
     return 0.03 * (ROWS - y) * min(max(k - STILL, 0) / 4, 1.0)
 
 
-def frame(k: int, noise: float = 2.0) -> Any:
-    """Frame k: spots that move on straight lines by the integral of `speed`."""
+def frame(k: int) -> Any:
+    """Frame k: a texture that moves along x by the integral of `speed`, and noise."""
     random = np.random.default_rng(5)
-    n = 1800
-    x, y = random.uniform(-300, COLUMNS + 20, n), random.uniform(TOP + 3, ROWS, n)
-    bright, moved = random.uniform(60, 200, n), sum(speed(y, i + 0.5) for i in range(k))
-    x = x + moved
-    picture = np.full((ROWS, COLUMNS), 10.0)
-    rows, columns = np.mgrid[-5:6, -5:6]
-    for a, b, c in zip(x, y, bright, strict=True):
-        i, j = round(b), round(a)
-        spot = c * np.exp(-((columns + j - a) ** 2 + (rows + i - b) ** 2) / (2 * 1.5**2))
-        top, left = max(i - 5, 0), max(j - 5, 0)
-        here = picture[top : i + 6, left : j + 6]
-        if j >= -5 and here.size:
-            here[:] = np.maximum(
-                here, spot[top - i + 5 :, left - j + 5 :][: len(here), : here.shape[1]]
-            )
-    noisy = picture + noise * np.random.default_rng(k).standard_normal(picture.shape)
+    texture = gaussian_filter(random.standard_normal((ROWS, 3 * COLUMNS)), 1.5, mode="wrap")
+    rows, columns = np.mgrid[:ROWS, :COLUMNS]
+    moved = sum(speed(rows + 0.0, i + 0.5) for i in range(k))
+    grains = map_coordinates(texture, [rows, columns - moved], order=3, mode="grid-wrap")
+    picture = np.where(rows < TOP, 10.0, 120 + 50 * grains / texture.std())
+    noisy = picture + 2 * np.random.default_rng(k).standard_normal(picture.shape)
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
