@@ -1,4 +1,6 @@
-"""Grains and background of a picture, by brightness or by texture, whichever tells them apart.
+"""Grains and background of a picture, by brightness, or by texture where brightness is alike.
+
+Texture puts the edge up to a grain too far out if the background has another brightness.
 
 The quantity is averaged over about a grain. Where it is half way between its value in the grains
 around and that of the background, there is the edge of the grains. The grains are the rougher of
@@ -14,9 +16,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, median_filter
 
-from granpinn.arrays import Float64
+from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Surface
 from granpinn.filming.frames import Picture
 from granpinn.importers.density import without_holes
@@ -76,23 +78,17 @@ class Segmentation:
 
 
 def segmented(pictures: Sequence[Picture], grain: float) -> Segmentation:
-    """The better of brightness and texture, from pictures of the whole film."""
+    """By brightness if that separates two classes, else by the better one; of the whole film."""
     rough = np.stack([_averaged(picture, grain, True) for picture in pictures])
-    found = []
+    found = [Segmentation(grain, False, 1.0, 0.0, 0.0)]
     for texture in (False, True):
-        values = (
-            rough if texture else np.stack([_averaged(p, grain, False) for p in pictures])
-        ).astype(np.float64)
-        split, separated = _otsu(np.sqrt(np.maximum(values, 0)))
-        high = np.sqrt(np.maximum(values, 0)) > split
-        if not 0 < high.sum() < high.size:
-            continue
-        grains = high if rough[high].mean() >= rough[~high].mean() else ~high
-        inside, outside = float(np.median(values[grains])), float(np.median(values[~grains]))
-        found.append(Segmentation(grain, texture, inside, outside, separated))
-    if not found:
-        return Segmentation(grain, False, 1.0, 0.0, 0.0)
-    return max(found, key=lambda s: s.separated)
+        values = rough if texture else np.stack([_averaged(p, grain, False) for p in pictures])
+        high, separated = _split(np.sqrt(np.maximum(values, 0)))
+        if separated > 0:
+            grains = high if rough[high].mean() >= rough[~high].mean() else ~high
+            inside, outside = float(np.median(values[grains])), float(np.median(values[~grains]))
+            found.append(Segmentation(grain, texture, inside, outside, separated))
+    return max(found, key=lambda s: (s.useful and not s.texture, s.separated))
 
 
 def traced(
@@ -118,9 +114,7 @@ def traced(
     sizes = [n / cells for n, cells in zip(shape, c.shape[1:], strict=True)]
     y, x = (size * (np.arange(cells) + 0.5) for size, cells in zip(sizes, c.shape[1:], strict=True))
     area = c.sum(axis=(1, 2))
-    near = np.median(np.stack([np.roll(area, s) for s in (-2, -1, 0, 1, 2)]), axis=0)
-    near[:2], near[-2:] = area[:2], area[-2:]
-    steady = np.abs(area / near - 1) < MAX_JUMP
+    steady = np.abs(area / median_filter(area, 5, mode="nearest") - 1) < MAX_JUMP
     found = from_fraction(c[steady], t[steady], y, x, (-up[0], -up[1]))
     if found is None or view is None:
         return found
@@ -142,17 +136,12 @@ def _averaged(picture: Picture, grain: float, texture: bool) -> Level:
     return np.asarray(cv2.resize(mean, (cells[1], cells[0]), interpolation=cv2.INTER_AREA))
 
 
-def _otsu(values: Float64) -> tuple[float, float]:
-    """The split of Otsu, and the part of the variance that lies between the classes."""
-    counts, edges = np.histogram(values, 256)
-    middle = (edges[1:] + edges[:-1]) / 2
-    weight = counts / counts.sum()
-    below = np.cumsum(weight)
-    mass = np.cumsum(weight * middle)
-    total = float(np.sum(weight * (middle - mass[-1]) ** 2))
-    if total == 0:
-        return float(middle[0]), 0.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        between = (mass[-1] * below - mass) ** 2 / (below * (1 - below))
-    k = int(np.argmax(np.nan_to_num(between, posinf=0.0)))
-    return float(edges[k + 1]), float(between[k] / total)
+def _split(values: Level) -> tuple[Bool, float]:
+    """The upper class of Otsu, and the part of the variance that lies between the classes."""
+    grey = np.interp(values, (values.min(), values.max() + 1e-9), (0, 255)).astype(np.uint8)
+    high = grey > cv2.threshold(grey.ravel(), 0, 255, cv2.THRESH_OTSU)[0]
+    share = high.mean()
+    if not 0 < share < 1:
+        return high, 0.0
+    between = share * (1 - share) * (values[high].mean() - values[~high].mean()) ** 2
+    return high, float(between / values.var())
