@@ -58,38 +58,33 @@ class Frames:
     def sample(self, count: int) -> list[Picture]:
         """Readable frames, evenly spaced over the film."""
         chosen = np.unique(np.linspace(0, self.count - 1, count).astype(int))
-        found = [self._one(int(k)).picture for k in chosen]
-        good = [picture for picture in found if picture is not None and picture.size]
+        found = [self._request(int(k), 1)[0] for k in chosen]
+        good = [frame.picture for frame in found if frame.picture is not None]
         if not good:
-            raise DataFileError(f"the film must have readable frames: {self._one(0).why}")
+            raise DataFileError(f"the film must have readable frames: {found[0].why}")
+        if not good[0].size:
+            raise DataFileError("--roi must lie in the pictures, and it leaves nothing of them")
         return good
-
-    def _one(self, k: int) -> Frame:
-        path = self.files[0 if self.video else k]
-        try:
-            return self._plain(_read(path, k, 1)["frames"][0])
-        except (DataFileError, IndexError) as error:
-            return Frame(None, str(error))
 
     def __iter__(self) -> Iterator[Frame]:
         """All frames, at most AHEAD * BATCH of them in memory."""
-        starts = range(0, self.count, BATCH if self.video else 1)
+        size = BATCH if self.video else 1
         with ThreadPoolExecutor(1) as pool:
             pending: deque[Future[list[Frame]]] = deque()
-            for k in starts:
-                pending.append(pool.submit(self._request, k))
-                if len(pending) > AHEAD * (1 if self.video else BATCH):
+            for k in range(0, self.count, size):
+                pending.append(pool.submit(self._request, k, min(size, self.count - k)))
+                if len(pending) > AHEAD * BATCH / size:
                     yield from pending.popleft().result()
             while pending:
                 yield from pending.popleft().result()
 
-    def _request(self, first: int) -> list[Frame]:
-        count = min(BATCH, self.count - first) if self.video else 1
+    def _request(self, first: int, count: int) -> list[Frame]:
+        path = self.files[0 if self.video else first]
         try:
-            found = _read(self.files[0 if self.video else first], first, count)["frames"]
+            found = _read(path, first, count)["frames"]
         except DataFileError as error:
             return [Frame(None, str(error))] * count
-        missing = Frame(None, f"{self.files[0].name} ends or is damaged here")
+        missing = Frame(None, f"{path.name} ends or is damaged here")
         return [self._plain(a) for a in found] + [missing] * (count - len(found))
 
     def _plain(self, levels: Any) -> Frame:

@@ -24,7 +24,7 @@ from granpinn.filming.survey import Judgement, Survey, judged, survey
 from granpinn.filming.tracking import LONGEST, Vectors, velocities
 from granpinn.importers import DataFileError, Settings, convert, units, vector_fields
 from granpinn.importers.limits import read_file
-from granpinn.importers.settings import SURFACES
+from granpinn.importers.source import frames_of
 
 MAX_FIELDS = 200  # frames with vectors, unless --frames chooses others
 SAMPLES = 9  # pictures for the segmentation
@@ -167,10 +167,7 @@ def _centers(judgement: Judgement, settings: FilmSettings) -> tuple[list[int], I
     reach = np.minimum(reach, np.maximum(since, 0))  # grains at rest are no part of the motion
     good = reach > 0
     if settings.frames is not None:
-        parts = [int(p) if p.strip() else None for p in settings.frames.split(":")]
-        chosen = np.zeros(count, bool)
-        chosen[slice(*parts)] = True
-        good &= chosen
+        good &= np.isin(index, index[frames_of(settings.frames)])
     centers = np.flatnonzero(good)
     if settings.frames is None and centers.size > MAX_FIELDS:
         centers = centers[np.linspace(0, centers.size - 1, MAX_FIELDS).astype(int)]
@@ -274,7 +271,7 @@ def _settings(settings: FilmSettings, judgement: Judgement, t: Float64) -> Setti
         changes["start"] = f"{zero + t.min() * frame!r} s"
     else:
         changes["start"] = f"{float(t.min() - (judgement.release or 0.0)) * frame!r} s"
-    if settings.surface in SURFACES and settings.surface in ("mask", "fraction"):
+    if settings.surface in ("mask", "fraction"):
         raise DataFileError(f"--surface {settings.surface} is not for films: leave it out")
     names = [f.name for f in dataclasses.fields(Settings)]
     return Settings(**({n: getattr(settings, n) for n in names} | changes))

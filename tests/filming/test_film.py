@@ -224,6 +224,8 @@ def test_a_frame_rate_that_is_too_low_is_named(shot: list[Any], tmp_path: Path) 
         ({"scale": None}, "needs scale"),
         ({"scale": "1 um/px"}, "2 to 100 px"),
         ({"roi": "5:1,2:3"}, "LEFT:RIGHT"),
+        ({"roi": "500:600,0:90"}, "leaves nothing"),
+        ({"frames": "a:b"}, "FIRST:LAST:STEP"),
         ({"columns": "x=a"}, "unknown setting columns"),
         ({"mask": "small.png"}, "mask must have"),
     ],
