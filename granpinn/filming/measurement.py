@@ -29,6 +29,7 @@ from granpinn.importers.source import frames_of
 MAX_FIELDS = 200  # frames with vectors, unless --frames chooses others
 SAMPLES = 9  # pictures for the segmentation
 FEWEST = 30  # vectors of a frame
+SURFACE_SD = 0.1  # of the offset of the line, grain diameters (bench/studies/film)
 RISING = 0.1  # mean velocity against gravity, of the rms speed
 SLOW, FAST = 0.02, 1.5  # acceleration of the fast grains after the release over gravity
 SHOWN = (0.25, 0.6)  # of the fields, for the page
@@ -96,6 +97,9 @@ def measure(
         line = traced(np.stack(levels), times, grain, (rows, columns), view, angle)
     if line is not None:  # pixel 0 reaches from 0 to 1 in the line; its center is 0 in the vectors
         given = line.t, line.x - 0.5, rows - line.y - 0.5
+        d = units.si(settings.grain_diameter or "", "length", "--grain-diameter")
+        sd_of_line = settings.surface_sd or f"{SURFACE_SD * d!r} m"
+        settings = dataclasses.replace(settings, surface_sd=sd_of_line)
     vectors = vector_fields(
         **{"t": t, "x": x, "y": y, "u": u, "v": v, "sigma_u": sd, "sigma_v": sd.copy()},
         length_unit="px",

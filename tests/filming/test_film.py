@@ -81,6 +81,7 @@ def test_velocity_surface_and_release(shot: list[Any], tmp_path: Path) -> None:
     assert flow.particles is not None
     assert flow.particles.sigma_u is not None
     assert flow.particles.u.max() == pytest.approx(speed(TOP, 20) * 1e-4 * 300, rel=0.1)
+    assert flow.stated("surface_sd") == pytest.approx(0.1 * 0.6e-3)
     assert flow.t[0] > 0
 
 
