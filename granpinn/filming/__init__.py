@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 WITHOUT = (
     *("format", "fields", "columns", "zeros", "drop_duplicates", "keep_interpolated"),
     *("track_window", "pulse_delay", "times", "length_unit", "time_unit", "velocity_unit"),
-    *("dimensionless", "flip_y"),
+    *("dimensionless", "flip_y", "window"),
 )
 
 
