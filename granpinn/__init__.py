@@ -11,6 +11,7 @@ torch or the compiled kernels cannot be imported.
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
-__path__.append(f"{__path__[0]}/commands")  # `python -m granpinn.VERB` finds the commands there
+# `python -m granpinn.VERB` finds the commands there. An editable installation has several paths.
+__path__.append(str(Path(__file__).with_name("commands")))
 __version__ = "0.2.0"
 __all__ = [
     "Config",
