@@ -1,6 +1,6 @@
 """Film against truth: python -m bench.studies.film.run SCENE... --out FOLDER [--steps N]
 
-A scene is KIND_SEED_GRAIN, such as collapse_201_6. For each, the film is rendered, measured with
+A scene is KIND_SEED_GRAIN, such as collapse_401_6. For each, the film is rendered, measured with
 `granpinn.film`, and compared with the simulation; with --steps the law is identified twice, from
 the film and from the true vectors at the same places and times. Rows go to FOLDER/rows.csv.
 
