@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from granpinn import laws
     from granpinn.config import Config
     from granpinn.data import read_flow, write_flow
+    from granpinn.filming import film
     from granpinn.identification.batch import identify_many
     from granpinn.identification.identified import Identification, load
     from granpinn.identification.single import identify
@@ -37,6 +38,7 @@ __all__ = [
     "SwishNetwork",
     "__version__",
     "convert",
+    "film",
     "flow",
     "identify",
     "identify_many",
@@ -55,6 +57,7 @@ _HOMES = {
     "Result": "granpinn.results",
     "SwishNetwork": "granpinn.kernels.swish_network",
     "convert": "granpinn.importers",
+    "film": "granpinn.filming",
     "flow": "granpinn.importers",
     "identify": "granpinn.identification.single",
     "identify_many": "granpinn.identification.batch",
