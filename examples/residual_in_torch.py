@@ -8,7 +8,7 @@ the Burgers equation
 
 is learnt on x in [-1, 1], t in [0, 1] from its start u = -sin(pi x) and its sides u = 0.
 
-    python examples/residual_in_torch.py --steps 3000
+    python examples/residual_in_torch.py --steps 3000 --figure burgers.png
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import argparse
 import math
 
 import torch
+from matplotlib import pyplot
 from torch import Tensor
 
 from granpinn import SwishNetwork
@@ -68,11 +69,31 @@ def train(steps: int, seed: int = 0) -> tuple[SwishNetwork, list[float]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--steps", type=int, default=3000)
-    net, losses = train(parser.parse_args().steps)
+    parser.add_argument("--figure", help="file for a figure of u(x, t)")
+    args = parser.parse_args()
+    net, losses = train(args.steps)
     x = torch.linspace(-1, 1, 9)
     u = net(points(x, torch.ones_like(x)))[:, 0]
     print(f"loss {losses[0]:.3g} -> {losses[-1]:.3g}")
     print("u(x, 1) at x = -1 .. 1:", " ".join(f"{value:.3f}" for value in u.tolist()))
+    if args.figure is not None:
+        draw(net, args.figure)
+
+
+def draw(net: SwishNetwork, file: str) -> None:
+    """u(x, t) as a map, and over x at five times."""
+    x, t = torch.linspace(-1, 1, 201), torch.linspace(0, 1, 101)
+    with torch.no_grad():
+        u = net(points(x.repeat(101), t.repeat_interleave(201)))[:, 0].reshape(101, 201)
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
+    image = left.pcolormesh(t, x, u.T, shading="nearest")
+    left.set(xlabel="t", ylabel="x")
+    figure.colorbar(image, label="u")
+    for k in range(0, 101, 25):
+        right.plot(x, u[k], label=f"t = {t[k]:.2f}")
+    right.set(xlabel="x", ylabel="u")
+    right.legend()
+    figure.savefig(file, dpi=150)
 
 
 if __name__ == "__main__":

@@ -11,12 +11,14 @@ torch or the compiled kernels cannot be imported.
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from granpinn import laws
     from granpinn.config import Config
     from granpinn.data import read_flow, write_flow
+    from granpinn.filming import film
     from granpinn.identification.batch import identify_many
     from granpinn.identification.identified import Identification, load
     from granpinn.identification.single import identify
@@ -26,7 +28,8 @@ if TYPE_CHECKING:
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
-__path__.append(f"{__path__[0]}/commands")  # `python -m granpinn.VERB` finds the commands there
+# `python -m granpinn.VERB` finds the commands there. An editable installation has several paths.
+__path__.append(str(Path(__file__).with_name("commands")))
 __version__ = "0.2.0"
 __all__ = [
     "Config",
@@ -35,6 +38,7 @@ __all__ = [
     "SwishNetwork",
     "__version__",
     "convert",
+    "film",
     "flow",
     "identify",
     "identify_many",
@@ -53,6 +57,7 @@ _HOMES = {
     "Result": "granpinn.results",
     "SwishNetwork": "granpinn.kernels.swish_network",
     "convert": "granpinn.importers",
+    "film": "granpinn.filming",
     "flow": "granpinn.importers",
     "identify": "granpinn.identification.single",
     "identify_many": "granpinn.identification.batch",

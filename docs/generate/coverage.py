@@ -63,16 +63,10 @@ def coverage_table() -> Iterator[str]:
         yield f"| {kind} | {total} | {held_s:.0f} | {held_2:.0f} | {width} |"
 
 
-def intervals(name: str) -> str:
-    """How many intervals of mu_s and mu_2 of a population hold, in %."""
-    (found,) = (p for p in populations() if p.name == name)
-    return " / ".join(f"{held:.0f}" for held in found.held)
-
-
-def spread(numbers: Iterable[float], form: str = ".0f") -> str:
+def spread(numbers: Iterable[float]) -> str:
     """The range of numbers without signs."""
     ends = min(numbers := [*numbers]), max(numbers)
-    return " to ".join(f"{x:{form}}" for x in ends)
+    return " to ".join(f"{x:.0f}" for x in ends)
 
 
 def others(field: str, steps: bool = False) -> list[float]:
@@ -86,14 +80,7 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "coverage.table": lambda: "\n".join(coverage_table()),
     "coverage.ends": lambda: f"{spread(others('ends'))} %",
     "coverage.parameters": lambda: f"{spread(others('held'))} %",
-    "coverage.scores": lambda: spread(others("score"), ".1f"),
     "coverage.steps": lambda: f"{spread(others('held', steps=True))} %",
-    "coverage.steps_score": lambda: f"{max(others('score', steps=True)):.1f}",
-    "coverage.cells_1024": lambda: intervals("cells_1024"),
-    "coverage.cells_512": lambda: intervals("cells_512"),
-    "coverage.members": lambda: intervals("noisy_members_8_22"),
-    "coverage.films": lambda: intervals("films"),
-    "coverage.grains": lambda: intervals("grains"),
     "coverage.level": lambda: f"{100 * error_model.load().level:.1f} %",
     "coverage.tilt": lambda: f"{100 * error_model.load().tilt:.1f} %",
 }

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -20,18 +21,24 @@ PICTURED = ("friction_law", "pressure")
 HEIGHT = 900  # pixels
 
 
-def record(figures: Path, printed: str) -> None:
-    """Writes the output of a run, and a picture of its law and its pressure."""
-    images = [Image.open(figures / f"{name}.png").convert("RGB") for name in PICTURED]
+def side_by_side(files: Iterable[Path], height: int) -> Image.Image:
+    """Pictures of one height [pixels] in a row."""
+    images = [Image.open(file).convert("RGB") for file in files]
     images = [
-        image.resize((image.width * HEIGHT // image.height, HEIGHT), Image.Resampling.LANCZOS)
+        image.resize((image.width * height // image.height, height), Image.Resampling.LANCZOS)
         for image in images
     ]
-    picture = Image.new("RGB", (sum(image.width for image in images), HEIGHT), "white")
+    picture = Image.new("RGB", (sum(image.width for image in images), height), "white")
     left = 0
     for image in images:
         picture.paste(image, (left, 0))
         left += image.width
+    return picture
+
+
+def record(figures: Path, printed: str) -> None:
+    """Writes the output of a run, and a picture of its law and its pressure."""
+    picture = side_by_side((figures / f"{name}.png" for name in PICTURED), HEIGHT)
     info = PngInfo()
     info.add_text("output", printed)  # a test compares it with the text
     picture.save(PICTURE, pnginfo=info, optimize=True)

@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 
-from docs.generate import coverage
+from docs.generate import coverage, gallery
 from docs.generate.raw import ROOT, STUDIES, rows, text
 from granpinn.config import Config, flatten
 from granpinn.results.record import FIT, every
@@ -269,6 +269,7 @@ def checks_table() -> Iterator[str]:
     for check in every(FIT):
         made = ["by default"] if check.quick else []
         made += [f"`--{check.flag.replace('_', '-')}`"] if check.flag else []
+        made = made or [f"`--checks {check.name}`"]
         title, seconds = check.record.title, f"{check.seconds:,.0f}"
         yield f"| {title} | `{check.name}` | {', '.join(made)} | {seconds} |"
 
@@ -368,6 +369,7 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "time.collapse": lambda: seconds(exits("two EPYC cores", "15000")),
     "time.GPU": lambda: seconds(exits("H100, 15000 steps", "15000")),
     "demonstration": lambda: fenced(text("demonstration")),
+    "gallery": gallery.page,
     "demonstration.grade": lambda: fenced(text("demonstration").splitlines()[-2]),
     "tests": lambda: fenced(text("tests")),
     "jets.table": table(jets_table),

@@ -182,4 +182,4 @@ def difference(case: Case, fields: Fields) -> tuple[float | None, float | None]:
     return flowing, stagnant
 
 
-CHECK = Check("simulated_pressure", SimulatedPressure, make, seconds=5.0)
+CHECK = Check("simulated_pressure", SimulatedPressure, make, seconds=7.0)

@@ -34,6 +34,10 @@ VERBS = {
         "turn files of a PIV, PTV or simulation program into a flow file",
         'granpinn convert PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" ...',
     ),
+    "film": Verb(
+        "track the grains of a film, images or a video, into a flow file",
+        'granpinn film frames/*.png --out flow.h5 --scale "0.12 mm/px" ...',
+    ),
     "inspect": Verb(
         "check data before training: the precision to expect, and what to measure better",
         "granpinn inspect flow.h5",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
@@ -24,7 +25,7 @@ from granpinn.terminal import say
 from granpinn.training import parallel, progress
 
 REPORT = "report"
-FIGURES = progress.Stage("figures", seconds=3.5)
+FIGURES = progress.Stage("figures", seconds=4.5)
 
 
 def run(config: Config, verbose: bool = False, begin: float | None = None) -> int:
@@ -37,7 +38,8 @@ def run(config: Config, verbose: bool = False, begin: float | None = None) -> in
     begin = time.monotonic() if begin is None else begin
     assert config.flow is not None
     assert config.out is not None
-    require_flow_file(Path(config.flow))
+    for flow in (config.flow, *config.further_flows):
+        require_flow_file(Path(flow))
     if objection := objection_to_folder(config.out):
         raise ConfigError(f"--out {objection}")
     with (
@@ -61,6 +63,7 @@ def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Resul
     assert config.flow is not None
     assert config.out is not None
     folder, lines = Path(config.out), NewLines()
+    flows = [config.flow, *config.further_flows]
     listener = progress.automatic([FIGURES]) if rank == 0 else progress.Silent()
     if config.tensorboard and rank == 0:
         listener = progress.TensorBoard(folder, listener)
@@ -69,8 +72,9 @@ def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Resul
     with ExitStack() as at_end:
         at_end.callback(listener.stop)
         result: Result = identify(
-            config.flow,
+            flows if len(flows) > 1 else config.flow,
             config,
+            one_law=len(flows) > 1,
             run_dir=folder,
             progress=listener,
             on_values=lines.show if verbose else None,
@@ -79,6 +83,8 @@ def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Resul
         if rank > 0:
             return result
         listener.stage(FIGURES.name)
+        for k in range(len(result.flows)):
+            attempt(partial(report.build, folder / f"{k:03d}"))
         page = attempt(lambda: report.build(folder))
     if isinstance(page, NotDone):
         result = result.without(REPORT, page.why)

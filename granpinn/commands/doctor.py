@@ -43,6 +43,7 @@ EXTRAS = {
     "lavision": ("lvpyio",),
     "netcdf": ("zarr", "numcodecs"),
     "mesh": ("pyvista",),
+    "film": ("cv2",),
     "test": ("pytest", "hypothesis", "sympy", "h5netcdf", "pandas", "tables", "psutil", "yaml"),
     "docs": ("mkdocs", "material", "mkdocstrings_handlers", "latex2mathml"),
     "dev": ("ruff", "mypy", "importlinter", "clang_format"),

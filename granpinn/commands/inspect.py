@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from granpinn.command.cli import Command
 from granpinn.command.next_step import refusal, training_of
-from granpinn.command.parser import Parser
+from granpinn.command.parser import Parser, program
 from granpinn.config import ConfigError, SideWalls, settings_of
 from granpinn.config.fields import flag_of
 from granpinn.data import FlowFileWarning, read_flow
@@ -29,6 +29,7 @@ from granpinn.data.reader import is_flow_file
 from granpinn.data.steady import said
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.output import make_folder, objection_to_folder, write_text
+from granpinn.uncertainty import expected
 
 EXAMPLES = """examples:
   python -m granpinn.inspect flow.h5
@@ -37,6 +38,8 @@ EXAMPLES = """examples:
       and inspect.json with maps of the gaps, the speed, the noise and the inertial numbers
   python -m granpinn.inspect flow.h5 --I0 0.28 --mu-s 0.3 --mu-2 0.6
       the precision for a material that is roughly known
+  python -m granpinn.inspect heap.h5 chute.h5
+      how well flows of one material fix one law, and which flow to film next
   python -m granpinn.inspect flow.h5 --law coulomb
       the precision of constant friction"""
 WALLS = {name: f"side_walls.{name}" for name in settings_of(SideWalls)}  # as in a run
@@ -45,7 +48,7 @@ WALLS = {name: f"side_walls.{name}" for name in settings_of(SideWalls)}  # as in
 class Request(NamedTuple):
     """What a command line gives."""
 
-    data: Path
+    data: list[Path]
     out: Path | None
     json: bool
     law: AssumedLaw
@@ -55,7 +58,7 @@ class Request(NamedTuple):
 def parser() -> Parser:
     made = Parser(
         "inspect",
-        "FLOW.h5 [--out DIR] [--json]",
+        "FLOW.h5 [FLOW.h5 ...] [--out DIR] [--json]",
         "Inspect velocity data and estimate how precisely they fix the friction law.",
         EXAMPLES,
     )
@@ -90,7 +93,11 @@ def parse(argv: Sequence[str]) -> Request:
     for name, value in walls.items():
         settings_of(SideWalls)[name].check(value, flag_of(WALLS[name]))
     _require_flow_file(data)
-    return Request(data[0], out, as_json, law, SideWalls(**walls))
+    if len(data) > 1 and (as_json or out is not None):
+        raise ConfigError(
+            f"expected one flow file with --json or --out, got {len(data)}: inspect one at a time"
+        )
+    return Request(data, out, as_json, law, SideWalls(**walls))
 
 
 def _require_flow_file(paths: list[Path]) -> None:
@@ -98,15 +105,18 @@ def _require_flow_file(paths: list[Path]) -> None:
     first = paths[0]
     if not first.exists():
         raise ConfigError(f"{first} does not exist: name a flow file")
-    if first.is_file() and is_flow_file(first):
-        if len(paths) > 1:
-            raise ConfigError(f"expected one flow file, got {len(paths)}: inspect one at a time")
+    if all(path.is_file() and is_flow_file(path) for path in paths):
         return
     raise refusal(paths, "inspect")
 
 
 def run(argv: Sequence[str]) -> int:
-    data, out, as_json, law, side_walls = parse(argv)
+    every, out, as_json, law, side_walls = parse(argv)
+    if len(every) > 1:
+        print("\n".join(expected.lines([read_flow(path) for path in every])))
+        print(f"next: {program('train')} {' '.join(map(str, every))} --one-law --out run")
+        return 0
+    data = every[0]
     with warnings.catch_warnings():
         # Exact zeros have their own line in what is printed.
         warnings.simplefilter("ignore", FlowFileWarning)

@@ -53,6 +53,8 @@ EXAMPLES = """examples:
       the same with eight networks, for a steadier value; on a GPU nearly as fast as one
   python -m granpinn.train collapse.h5 --out run --max-time 600
       the same, planned to end within 10 minutes
+  python -m granpinn.train heap.h5 chute.h5 --one-law --out run
+      one friction law from several flows of one material
   python -m granpinn.train --out run --resume
       continue an interrupted run
   python -m granpinn.train collapse.h5 --out paper --recipe paper --steps 30000
@@ -71,11 +73,17 @@ class Arguments(NamedTuple):
 def parser() -> Parser:
     made = Parser(
         "train",
-        "[FLOW.h5 --out DIR] [settings]",
+        "[FLOW.h5 ... --out DIR] [settings]",
         "Identify the friction law and the pressure of a granular flow.",
         EXAMPLES,
     )
-    made.add_argument("flow", nargs="?", metavar="FLOW", help="the flow file (HDF5)")
+    made.add_argument("flow", nargs="*", metavar="FLOW", help="the flow file (HDF5)")
+    made.add_argument(
+        "--one-law",
+        action="store_true",
+        default=False,
+        help="identify one friction law from several flow files of one material",
+    )
     made.add_argument("--config", metavar="FILE.toml", help="settings from a file; flags win")
     made.add_argument(
         "--verbose",
@@ -84,7 +92,8 @@ def parser() -> Parser:
         help="print tables, errors of the fields and every check too, as soon as they are known",
     )
     groups = {name: kind.__doc__ or "" for name, kind in sections_of(Config).items()}
-    flags = {key: stated for key, stated in settings_of(Config).items() if key != "flow"}
+    positional = ("flow", "further_flows")
+    flags = {key: stated for key, stated in settings_of(Config).items() if key not in positional}
     made.add_settings(flags, groups, USUAL)
     return made
 
@@ -97,6 +106,14 @@ def parse(argv: Sequence[str]) -> Arguments:
     """
     flags = vars(parser().parse_args(argv))
     file, verbose = flags.pop("config", None), flags.pop("verbose")
+    flows, one_law = flags.pop("flow", []), flags.pop("one_law")
+    if len(flows) > 1 and not one_law:
+        raise ConfigError(
+            f"expected one flow file, got {len(flows)}: --one-law identifies one friction law from "
+            "several flows of one material; else train each by itself"
+        )
+    if flows:
+        flags |= {"flow": flows[0], "further_flows": tuple(flows[1:])}
     values = read_toml(Path(file)) if file else {}
     if flags.get("recipe", values.get("recipe")) != values.get("recipe", flags.get("recipe")):
         raise ConfigError(

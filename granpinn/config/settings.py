@@ -67,6 +67,9 @@ class Config:
     """
 
     flow: str | None = setting(None, "the flow file (HDF5)", free=True)
+    further_flows: tuple[str, ...] = setting(
+        (), "further flow files, which have one friction law with the first", free=True
+    )
     out: str | None = setting(
         None, "folder of the run: results, fields, figures, checkpoints", free=True, metavar="DIR"
     )

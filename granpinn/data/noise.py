@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from granpinn.arrays import Float32, Floats
+from granpinn.arrays import Float32, Float64, Floats
 from granpinn.data.flow import Flow, Particles, Surface
 from granpinn.data.particles import grid_view
 from granpinn.declared import checked
@@ -85,6 +85,17 @@ def stated_sigmas(flow: Flow) -> tuple[Any, Any]:
     pairs = zip(own, (flow.sigma_u, flow.sigma_v), strict=True)
     sigma_u, sigma_v = (next((s for s in pair if s is not None), 0.0) for pair in pairs)
     return sigma_u, sigma_v
+
+
+def velocity_weights(variances: Float64) -> Float64:
+    r"""Weights of vectors [n] with mean 1, from the variances of their measurement [n].
+
+    $w_i \propto 1/(\sigma_i^2 + m)$ with the median m of all $\sigma_i^2$. It stands for the
+    velocity that the network cannot resolve, which is the same for all vectors. With
+    $1/\sigma_i^2$ the grains at rest would have nearly all the weight (bench/studies/film).
+    """
+    found = 1 / (variances + np.median(variances))
+    return np.asarray(found / found.mean())
 
 
 def max_speed(flow: Flow) -> float:

@@ -27,6 +27,7 @@ from granpinn.config import LEVELS
 from granpinn.data.collocation import above_ground, lie_between, lowest_row, points_between
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
 from granpinn.data.large import of_frames, slabs, some_frames
+from granpinn.data.noise import velocity_weights
 from granpinn.data.outline import surface_of
 from granpinn.data.partial_cells import filled_slabs
 from granpinn.data.scaling import placed, turned_and_rounded
@@ -307,7 +308,7 @@ class _Made:
         if samples.sigma_u is not None and samples.sigma_v is not None:
             sigmas = samples.sigma_u, samples.sigma_v
             variance = sum(np.square(s, dtype=np.float64) for s in sigmas)
-            self.variances.append(np.asarray(1 / np.asarray(variance)))
+            self.variances.append(np.asarray(variance))
         return self.points.add(placed(samples.x, samples.y, samples.t, flow, scales))
 
     def _add_strips(self, chosen: Index, points: torch.Tensor, own: Flow) -> None:
@@ -344,8 +345,7 @@ class _Made:
             )
         weights = torch.ones(len(points), 2, dtype=self.dtype)
         if self.variances:
-            every = np.concatenate(self.variances)
-            weights[:, 0] = torch.as_tensor(every / every.mean())
+            weights[:, 0] = torch.as_tensor(velocity_weights(np.concatenate(self.variances)))
         sets = []
         for k, (_, surface) in enumerate(self.variants):
             made = TrainingSet(

@@ -84,10 +84,15 @@ FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
     "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
 }
 
+# Of a result of several flows with one law; the figures of a flow are in its folder.
+FLOWS: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
+    "friction_law": ("Friction law", lambda s: curves.law_of_flows(s.result)),
+}
+
 
 def figures_of(result: Result) -> dict[str, tuple[str, Callable[[Source], Drawing]]]:
     """All figures of a run, those of its checks included."""
-    found = dict(FIGURES)
+    found = dict(FLOWS if result.flows else FIGURES)
     for record in result.checks.values():
         found |= record.figures()
     return found

@@ -58,6 +58,24 @@ def friction_law(result: Result, fields: Fields) -> Drawing:
     )
 
 
+@styled
+def law_of_flows(result: Result) -> Drawing:
+    """The law that several flows have, with its band; the range of I of each flow below."""
+    figure = new_figure(4.6)
+    curve, spans = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
+    caption = draw_law(curve, result)
+    curve.set_title(f"(a) friction law: {result.friction_law.title}")
+    for k, flow in enumerate(result.flows):
+        if flow.I_range is not None:
+            spans.plot(flow.I_range, (k, k), color=BLUE, lw=4)
+    spans.set_yticks(range(len(result.flows)), [flow.input.name for flow in result.flows])
+    spans.set_ylim(len(result.flows) - 0.5, -0.5)
+    spans.set_xlabel("inertial number $I$")
+    spans.set_title("(b) inertial numbers of each flow")
+    _over_the_data(curve, result)
+    return Drawing(figure, f"{caption}, and the I of each flow. The axis of mu begins above 0.")
+
+
 def _over_the_data(axes: Axes, result: Result) -> tuple[float, float]:
     """Let the axis of I cover the I of the law and its points alone; its ends."""
     points = result.law.points
@@ -83,7 +101,11 @@ def draw_law(curve: Axes, result: Result) -> str:
         curve.plot(I, found.curve.mu, color=BLUE, lw=2.2, label="identified", zorder=3)
         if found.curve.low is not None and found.curve.high is not None:
             ends = found.curve.low, found.curve.high
-            curve.fill_between(I, *ends, color=BLUE, alpha=0.2, lw=0, label="90 % band")
+            known = [found.curve.determines(k) for k in range(len(I))]
+            band = curve.fill_between(I, *ends, where=known, color=BLUE, alpha=0.2, lw=0)
+            band.set_label("90 % band")
+            if not all(known):
+                caption += f". Where there is no band, mu(I) is {NOT_DETERMINED}"
     if (compared := result.checks.get("comparison_of_laws")) is not None:
         others = [c for c in compared.laws if c.law != result.law.name]
         caption += _compared(curve, others, I)

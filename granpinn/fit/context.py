@@ -41,6 +41,8 @@ class Context:
         pool: threads for simulations side by side.
         identify_many: identifies further flows (identification/batch.py).
         shown: called with the result whenever it has grown.
+        ranges: of I of all flows that have the law of this one; (): it has a law of its own.
+        flows: the fits of the flows, in a fit of several flows with one law.
     """
 
     flow: Flow | str | os.PathLike[str]
@@ -59,6 +61,8 @@ class Context:
     pool: Executor | None = None
     identify_many: Callable[..., Sequence[Result]] | None = None
     shown: Callable[[Result], None] | None = None
+    ranges: Sequence[tuple[float, float]] = ()
+    flows: Sequence[Context] = ()
 
     def keep(self, result: Result) -> None:
         """Take a result that has grown: write it and show it.
@@ -107,7 +111,7 @@ class Context:
     def draw_curve(self) -> None:
         """Take the law over the range of I where grains shear, with its band."""
         assert self.shear is not None
-        result = with_curve(self.result, self.case, self.shear)
+        result = with_curve(self.result, self.case, self.shear, self.ranges)
         self.result = with_free_band(result, self.case, self.run, self.place)
 
 

@@ -12,7 +12,7 @@ from granpinn.fit import prediction, scoring
 from granpinn.fit.case import Case, Model
 from granpinn.fit.final_loss import final_loss
 from granpinn.fit.shear import inertial_range
-from granpinn.physics.laws import DEFAULT, LAWS
+from granpinn.physics.laws import DEFAULT
 from granpinn.physics.terms import LAW, TERMS
 from granpinn.results import Covariance, Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.assumed import Assumed
@@ -31,7 +31,7 @@ def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Me
 
     Members that diverged are left out. If all did, the first is kept in its last good state.
     """
-    law = LAWS[cases[0].config.law]
+    law = cases[0].member.law
     places = range(len(cases))
     sound = [k for k in places if first + k not in run.trainer.diverged] or [0]
     theta = [
@@ -48,8 +48,7 @@ def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Me
 
 def model_of(case: Case, trainer: Trainer, e: int) -> Model:
     """The trained network and law of a case, member e of the run."""
-    problem = case.member.problem
-    law = LAWS[case.config.law]
+    problem, law = case.member.problem, case.member.law
     return Model(problem.spec, problem.physics, *trainer.solution(e), case.scales, law)
 
 
@@ -169,11 +168,11 @@ def _law(
     I_range: Pair | None,
 ) -> _Law:
     """The law of an ensemble with its error bars, or why it has none."""
-    I0, known = case.member.fixed.get("I0"), None
-    of_mu_of_I = LAWS[case.config.law] is DEFAULT
-    if of_mu_of_I and residuals is not None and I_range is not None and I0 is not None:
-        mu_s, mu_2 = center(members)
-        known = known_by(case, residuals, steps, ends_of(I_range, I0), (mu_s, mu_2))
+    law, known = case.member.law, None
+    values = {**case.member.fixed, **dict(zip(law.free, center(members, law), strict=True))}
+    if law.name == DEFAULT.name and residuals is not None and I_range is not None:
+        x, mu = ends_of(I_range, values["I0"]), (values["mu_s"], values["mu_2"])
+        known = known_by(case, residuals, steps, x, mu)
     judged = error_bars.judge(
         members,
         residuals,
@@ -183,13 +182,12 @@ def _law(
         case.member.problem.symmetries,
         assumed,
     )
-    fixed = case.member.fixed
     parameters = Parameters(
-        (name, judged.free.get(name) or Parameter(fixed[name], fixed=True))
-        for name in LAWS[case.config.law].names
+        (name, judged.free.get(name) or Parameter(values[name], fixed=name not in law.free))
+        for name in law.names
     )
-    law = IdentifiedLaw(case.config.law, I_range, reason=judged.reason)
-    return _Law(parameters, judged.covariance, judged.bars, law, assumed)
+    found = IdentifiedLaw(law.name, I_range, reason=judged.reason)
+    return _Law(parameters, judged.covariance, judged.bars, found, assumed)
 
 
 def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -> Result:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -92,6 +92,29 @@ class InFolder:
         return read_history(self.folder / "history.csv", self.law)
 
 
+@dataclass(frozen=True)
+class OfFlows:
+    """Those of several flows with one law: each flow has its own."""
+
+    each: Callable[[], tuple[Identification, ...]]
+    folder: Path | None
+
+    def _refused(self) -> NoReturn:
+        raise BadInput(
+            "several flows have this law, each with its network, fields and history: take those of "
+            "result.each[0], result.each[1], ..."
+        )
+
+    def network(self) -> TrainedNetwork:
+        self._refused()
+
+    def fields(self) -> Fields:
+        self._refused()
+
+    def history(self) -> dict[str, Float64]:
+        self._refused()
+
+
 class Identification(Result):
     """A `Result` with its network, fields, history and figures.
 
@@ -120,6 +143,12 @@ class Identification(Result):
         return all(getattr(self, name) == getattr(other, name) for name in names)
 
     __hash__ = Result.__hash__
+
+    @property
+    def each(self) -> tuple[Identification, ...]:
+        """The fits of the flows that have this law, each with its network and fields."""
+        parts = self._held()
+        return parts.each() if isinstance(parts, OfFlows) else (self,)
 
     @cached_property
     def network(self) -> TrainedNetwork:
@@ -225,7 +254,7 @@ class Identification(Result):
         parts = self._held()
         if folder is not None:
             return report.build(self.save(folder))
-        if isinstance(parts, InFolder):
+        if isinstance(parts, InFolder | OfFlows) and parts.folder is not None:
             return report.build(parts.folder)
         raise BadInput("this result is in memory: name a folder for the report, report('run')")
 
@@ -269,4 +298,7 @@ def load(run_dir: str | os.PathLike[str]) -> Identification:
     folder = Path(run_dir)
     folder = folder.parent if folder.name == "results.json" and folder.is_file() else folder
     result = read_results(folder / "results.json")
+    if result.flows:
+        places = [folder / f"{k:03d}" for k in range(len(result.flows))]
+        return Identification.of(result, OfFlows(lambda: tuple(map(load, places)), folder))
     return Identification.of(result, InFolder(folder, result.friction_law))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
 from granpinn.checks import momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions
-from granpinn.config import Config
+from granpinn.config import Config, ConfigError
 from granpinn.config.settings import config_of
 from granpinn.data import Flow
 from granpinn.declared import checked
@@ -18,6 +18,7 @@ from granpinn.fit.case import choose_device, members, pose
 from granpinn.identification import answer
 from granpinn.identification.batch import identify_many
 from granpinn.identification.identified import Identification
+from granpinn.identification.one_law import identify_one_law
 from granpinn.identification.start import (
     CHECKS,
     ERROR_BARS,
@@ -40,12 +41,13 @@ from granpinn.training.progress import Progress
 
 @checked
 def identify(
-    flow: Flow | str | os.PathLike[str],
+    flow: Flow | str | os.PathLike[str] | Sequence[Flow | str | os.PathLike[str]],
     config: Config | Mapping[str, Any] | None = None,
     *,
     run_dir: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
     law: FrictionLaw | str | None = None,
+    one_law: bool = False,
     on_step: Callable[[Row], Any] | None = None,
     on_values: Callable[[Result], Any] | None = None,
     reserve: float = 0.0,
@@ -56,7 +58,7 @@ def identify(
     In a group of processes (granpinn/training/parallel.py) all train this flow; the first writes.
 
     Args:
-        flow: a flow, or the path of a flow file.
+        flow: a flow, or the path of a flow file; with `one_law` a list of them.
         config: settings as a `Config` or a dict, by default the default recipe.
         settings: single ones, which win, such as `steps=6000`, `level="V0"`, `checks="quick"`.
         run_dir: folder for results.json, fields.h5, history.csv, config.toml and checkpoints;
@@ -65,6 +67,8 @@ def identify(
             `granpinn.training.progress.automatic()` shows a bar in a terminal, `Silent()` nothing.
         law: the name of a law, or a law of your own (granpinn/laws.py); by default the one in the
             settings.
+        one_law: identify one friction law of several flows of one material. The result has this law
+            and, in `flows`, what each flow is; its `each` has the fit of every flow.
         on_step: called with every row of the history, `log_every` steps apart. If it returns True,
             the training ends there and the result is that of a short training.
         on_values: called with the result once its values and intervals are known, and after each
@@ -85,6 +89,15 @@ def identify(
         register(law)
     named = {} if law is None else {"law": law.name if isinstance(law, FrictionLaw) else law}
     config = config_of(config, settings | named)
+    if not isinstance(flow, Flow | str | os.PathLike):
+        if not flow or not one_law:
+            raise ConfigError(
+                f"flow must be one flow, got a list of {len(flow)}: add one_law=True for one law "
+                "of all, or identify each with identify_many"
+            )
+        if len(flow) > 1:
+            return identify_one_law(flow, config, folder, progress, on_step, on_values, begin)
+        flow = flow[0]
     checks = wanted(config)
     cases = members(pose(flow, config))
     together = processes(choose_device(config.device))

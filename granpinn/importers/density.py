@@ -81,7 +81,7 @@ def surface_of_grains(
         inside = density[counts > 0]
         bulk = float(np.quantile(inside, BULK)) if inside.size else 0.0
         if bulk > 0:
-            place[:] = _without_holes(np.minimum(density / bulk, 1.0), up)
+            place[:] = without_holes(np.minimum(density / bulk, 1.0), up)
     centers = [(edge[1:] + edge[:-1]) / 2 for edge in edges]
     found = from_fraction(c, times[kept], centers[1], centers[0], gravity)
     if found is None or _is_edge_of_view(found, up, h):
@@ -89,7 +89,7 @@ def surface_of_grains(
     return found, SD * h
 
 
-def _without_holes(c: Float64, up: Float64) -> Float64:
+def without_holes(c: Float64, up: Float64) -> Float64:
     """The fraction with gaps among the grains filled, and without grains apart from the body."""
     walls = [(int(-t < CELL), int(t < CELL)) for t in (up[1], up[0])]
     grown = np.pad(c > HALF, walls, constant_values=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy.typing as npt
 
@@ -17,6 +17,9 @@ from granpinn.importers.netcdf import from_dataset
 from granpinn.importers.settings import SURFACES, Settings
 from granpinn.importers.source import Source
 from granpinn.importers.vectors import DataFileError
+
+S = TypeVar("S", bound=Settings)
+SETTINGS = tuple(field.name for field in dataclasses.fields(Settings))
 
 
 @checked
@@ -41,7 +44,7 @@ def read(source: Source, **settings: Any) -> Flow:
     Raises:
         granpinn.importers.DataFileError: files or settings cannot be used; one sentence.
     """
-    return convert(source, settings_of(settings))
+    return convert(source, settings_from(settings, Settings))
 
 
 def flow(
@@ -90,7 +93,7 @@ def flow(
         )
     else:
         source = from_dataset(data)
-    return convert(source, settings_of(given), line=surface)
+    return convert(source, settings_from(given, Settings), line=surface)
 
 
 def _is_array(name: str, value: Any) -> bool:
@@ -115,12 +118,19 @@ def _dataset(parts: dict[str, Any]) -> Any:
         raise DataFileError(f"u, v and the others do not fit together: {reason}") from None
 
 
-def settings_of(given: Mapping[str, Any]) -> Settings:
-    """The settings of a conversion; DataFileError for an unknown name."""
-    known = [f.name for f in dataclasses.fields(Settings)]
+def settings_from(given: Mapping[str, Any], kind: type[S], names: Collection[str] = SETTINGS) -> S:
+    """The settings of a conversion.
+
+    Args:
+        kind: the record.
+        names: of its settings that may be given.
+
+    Raises:
+        DataFileError: a name is unknown.
+    """
     for name in given:
-        if name not in known:
-            near = difflib.get_close_matches(name, [*known, *ARRAYS], n=1)
+        if name not in names:
+            near = difflib.get_close_matches(name, [*names, *ARRAYS], n=1)
             hint = f"did you mean {near[0]}?" if near else "granpinn.importers.Settings has them"
             raise DataFileError(f"unknown setting {name}: {hint}")
-    return Settings(**given)
+    return kind(**given)

@@ -164,20 +164,25 @@ def measured(fields: VectorFields, settings: Settings) -> VectorFields:
     return replace(fields, validity=codes, u=u, v=v)
 
 
-def selected_frames(fields: VectorFields, settings: Settings) -> VectorFields:
-    """The frames of --frames."""
-    if settings.frames is None:
-        return fields
-    parts = settings.frames.split(":")
+def frames_of(text: str) -> slice:
+    """The slice of --frames; DataFileError if it is none."""
+    parts = text.split(":")
     try:
         chosen = slice(*(whole(part, "--frames") if part.strip() else None for part in parts))
         if len(parts) < 2 or (chosen.step is not None and chosen.step < 1):
             raise TypeError
     except (DataFileError, TypeError):
         raise DataFileError(
-            f"--frames must be FIRST:LAST:STEP such as 10:200:2, got {settings.frames!r}"
+            f"--frames must be FIRST:LAST:STEP such as 10:200:2, got {text!r}"
         ) from None
-    times = np.unique(fields.t)[chosen]
+    return chosen
+
+
+def selected_frames(fields: VectorFields, settings: Settings) -> VectorFields:
+    """The frames of --frames."""
+    if settings.frames is None:
+        return fields
+    times = np.unique(fields.t)[frames_of(settings.frames)]
     if times.size < settings.fewest_frames:
         raise DataFileError(
             f"--frames must leave {settings.fewest_words}, got {times.size} of "

@@ -97,7 +97,7 @@ def make(inspection: Inspection) -> InertialRange | None:
     lost: tuple[str, ...] = ()
     if law.law == mu_of_i.LAW.name and inspection.undetermined is None:
         mu_s, mu_2, I0 = law.theta
-        lost = lost_of(Known(ends_of((shear.low, shear.high), I0), (mu_s, mu_2)))
+        lost = lost_of([Known(ends_of((shear.low, shear.high), I0), (mu_s, mu_2))])
     q05, q50, q95, q99 = found
     return InertialRange(q05, q50, q95, q99, reach, above, *shear, lost)
 

@@ -194,8 +194,7 @@ def expected(inspection: Inspection, bounds: Bounds, noise: float = 1.0) -> dict
     flow, model = inspection.flow, error_model.load()
     known = known._replace(outline=flow.surface is None, real=not flow.of_solver)
     if law.law == mu_of_i.LAW.name:
-        pairs = zip(law.friction_law.free, error_bars.sd_of(known, model), known.mu, strict=True)
-        return {name: s / mu for name, s, mu in pairs}
+        return {n: sd / known.parameters[n] for n, sd in error_bars.sd_of([known], model).items()}
     most = math.sqrt(np.diag(model.method(known) + model.grains(known)).max())
     return {name: math.hypot(noise * sd, most) for name, sd in bounds.known.items()}
 

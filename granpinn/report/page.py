@@ -42,7 +42,8 @@ FILM = "Predicted pressure over time"
 ANSWER = ("friction_law", "pressure")  # the figures directly under the numbers
 PAGE = 2_900_000  # largest number of bytes of figures and film in the page
 SYMBOLS = {"mu(I)": "μ(I)", "mu_s": "μₛ", "mu_2": "μ₂", "I0": "I₀", "+-": "±"}
-OWN_PLACE = ("flow", "out")  # settings that name folders of one machine; the page omits them
+# Settings that name folders of one machine; the page omits them.
+OWN_PLACE = ("flow", "further_flows", "out")
 
 
 @checked
@@ -68,7 +69,7 @@ def build(
     taken = sum(4 * p.path.stat().st_size // 3 for p in pictures)
     budget = min(films.BUDGET, PAGE - taken)
     film = attempt(lambda: films.shoot(album.fields_of(source), source.frame, budget))
-    if isinstance(film, NotDone):
+    if isinstance(film, NotDone) and not source.result.flows:
         missing = [album.Missing(FILM, film.why), *missing]
     write_csv(source.result, folder / "results.csv")
     page = folder / "report.html"
@@ -85,6 +86,8 @@ def read(folder: Path, time: float | None = None) -> tuple[album.Source, list[st
         ResultsFileError: there is no valid results.json.
     """
     result = read_results(folder / "results.json")
+    if result.flows:  # the folder of each has its fields and its history
+        return album.Source(result, None, None, 0), []
     problems = []
     fields: Fields | None = None
     history: album.History | None = None

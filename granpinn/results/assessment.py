@@ -105,6 +105,20 @@ def _slips(r: Result, grade: str) -> str | None:
     return f"The data are {grade}: {'; '.join(found)}." if found else None
 
 
+def of_flows(grade: str) -> Callable[[Result], str | None]:
+    """What limits the flows of one law that have a grade."""
+
+    def said(r: Result) -> str | None:
+        found = [
+            f"{flow.input.name}: {flow.assessment.reasons[0]}"
+            for flow in r.flows
+            if flow.assessment.grade == grade and flow.assessment.reasons
+        ]
+        return " ".join(found) or None
+
+    return said
+
+
 def unsettled(r: Result) -> str | None:
     """Equations that do not hold yet: their residual falls in proportion to the steps."""
     momentum = _momentum(r)
@@ -272,6 +286,7 @@ CONDITIONS = (
     Condition(BAD, diverged),
     Condition(BAD, undetermined),
     Condition(BAD, improbable),
+    Condition(BAD, of_flows(BAD)),
     Condition(BAD, unsettled),
     Condition(BAD, useless),
     Condition(BAD, contradicted),
@@ -281,6 +296,7 @@ CONDITIONS = (
     Condition(CARE, stopped_early),
     Condition(CARE, untested),
     Condition(CARE, unusual),
+    Condition(CARE, of_flows(CARE)),
     Condition(GOOD, known),
     Condition(GOOD, extrapolated),
     Condition(GOOD, balanced),

@@ -31,6 +31,7 @@ def lines(result: Result) -> list[str]:
         for row in rows
     ]
     made.append(f"mu(I)   {_curve(result)}")
+    made += [f"flow    {flow}" for flow in result.flows]
     made.append(f"{result.assessment.grade.upper():4s}    {evidence(result)}")
     return made
 
@@ -55,6 +56,8 @@ def _curve(result: Result) -> str:
     if curve is None:
         return f"{NOT_DETERMINED}: {law.reason}" if law.reason else NOT_DETERMINED
     ends = [0, -1] if curve.I[-1] > curve.I[0] else [0]
+    if not any(map(curve.determines, ends)):
+        return f"{NOT_DETERMINED} at I = {' to '.join(f'{curve.I[k]:.2g}' for k in ends)}"
     words = []
     for k in ends:
         if not curve.determines(k):

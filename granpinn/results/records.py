@@ -82,7 +82,7 @@ def _from_flat(content: Any, _: Any) -> Members:
 
 @dataclass(frozen=True)
 class ErrorBars:
-    """The parts of the standard deviations of (mu_s, mu_2); for mu(I) alone.
+    """The parts of the standard deviations of (mu_s, mu_2), and of I0 where it is free; of mu(I).
 
     Attributes:
         method: sd of the errors in simulated flows (uncertainty/error_model.py).
@@ -95,13 +95,13 @@ class ErrorBars:
         outside: in what the run is unlike those trainings, in words.
     """
 
-    method: tuple[float, float]
+    method: tuple[float, ...]
     freedom: float
     half_width: float
     provenance: str
-    grains: tuple[float, float] | None = None
-    scatter: tuple[float, float] | None = None
-    assumptions: tuple[float, float] | None = None
+    grains: tuple[float, ...] | None = None
+    scatter: tuple[float, ...] | None = None
+    assumptions: tuple[float, ...] | None = None
     outside: tuple[str, ...] = ()
 
 

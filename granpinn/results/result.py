@@ -23,6 +23,7 @@ from granpinn.results.assessment import Assessment, assess
 from granpinn.results.assumed import Assumed
 from granpinn.results.decoding import encode
 from granpinn.results.determined import NOT_DETERMINED, Determined
+from granpinn.results.flow_of_law import FlowOfLaw
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.json_values import plain
 from granpinn.results.loss import Loss
@@ -52,6 +53,7 @@ class Result:
         law: the friction law and its curve over the I of the data.
         failure: why the training of a member of a batch ended before the others; the numbers then
             belong to its last good state, and `stopped` is "diverged".
+        flows: of several flows that have one law, each with its own facts; (): one flow.
         assumptions: what the data do not contain, and its effect on the law.
         checks: the records of the checks that were made, by the names of the checks.
         not_done: why parts after the identification are missing, by their names.
@@ -81,6 +83,7 @@ class Result:
     residuals: Residuals | None = None
     error_bars: ErrorBars | None = None
     determined: Determined | None = None
+    flows: tuple[FlowOfLaw, ...] = ()
     assumptions: tuple[Assumed, ...] = ()
     checks: dict[str, Any] = field(default_factory=dict)
     not_done: dict[str, str] = field(default_factory=dict)
@@ -123,7 +126,10 @@ class Result:
     @property
     def friction_law(self) -> FrictionLaw:
         """The law itself: its parameters and its curve."""
-        return LAWS[self.law.name]
+        law = LAWS[self.law.name]
+        given = {name for name, p in self.parameters.items() if p.fixed}
+        held = (p for p in law.parameters if p.fixed)
+        return law.with_free({p.name: p.start for p in held if p.name not in given})
 
     @property
     def assessment(self) -> Assessment:
@@ -222,7 +228,7 @@ class Result:
         """What is known of the law beside its numbers."""
         parts: list[object] = [self.determined] if self.determined and self.determined.lost else []
         parts += [] if self.law.I_range is None else [self.law]
-        return list(map(str, [*parts, *self.assumptions]))
+        return list(map(str, [*parts, *self.flows, *self.assumptions]))
 
     def _missing(self) -> list[str]:
         return [f"no {in_words(name)}: {why}" for name, why in self.not_done.items()]

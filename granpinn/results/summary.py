@@ -79,7 +79,7 @@ def true_friction(result: Result, I: Floats) -> Float64 | None:
         return None
     law, theta = truth.friction_law, []
     for name, true in zip(law.names, truth.theta, strict=True):
-        given = result.parameters.get(name) if law is result.friction_law else None
+        given = result.parameters.get(name) if law.name == result.law.name else None
         if true is None and (given is None or not given.fixed):
             return None
         theta.append(float(true if true is not None or given is None else given.value))

@@ -6,6 +6,8 @@ loss of the training,
 $$ \sum_k \frac{1}{2 n_k \sigma_k^2} \sum_i w_i^2 (r_{ik} + J_{ik} \delta)^2, $$
 
 in all coefficients C [5, F] and the L free parameters of the law together, on many points at once.
+Members of a group have one law: their losses add, each over its value at the start of the step.
+Each member has its own C (`elimination.py`).
 The descent before it leaves the scatter of its small batches; the steps
 remove it. They are repeated until the law has settled. A curve takes one step: a further one
 follows the noise of the training.
@@ -21,11 +23,12 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
-from granpinn.training.elimination import solve
+from granpinn.training.elimination import solve_group
 from granpinn.training.features import Features, coefficients, with_coefficients
 from granpinn.training.last_layer_sums import Sums, Unknowns, choose
 from granpinn.training.law_variables import relative_change
@@ -37,63 +40,86 @@ ITERATIONS = 8  # at most
 SETTLED = 0.01  # relative change of a free parameter below which the law has settled
 
 
-def iterate(sums: Sums, at: Unknowns, until: float = math.inf) -> Unknowns:
+def iterate(
+    group: Sequence[Sums], at: Sequence[Unknowns], until: float = math.inf
+) -> Sequence[Unknowns]:
     """The unknowns after Gauss-Newton steps from `at`, until the law has settled.
 
     Every step has the weights of the law at its start. A curve takes one step. A further step is
     made only if it ends before time.monotonic() is `until`.
     """
-    begin = time.monotonic()
-    for k in range(1 if sums.law.curve else ITERATIONS):
+    begin, law = time.monotonic(), group[0].law
+    for k in range(1 if law.curve else ITERATIONS):
         now = time.monotonic()
         if k > 0 and now + (now - begin) / k > until:
             break
-        sums.weigh_anew()
-        before, at = at, improve(sums, at)
-        if relative_change(sums.law, before.theta, at.theta) <= SETTLED:
+        for sums in group:
+            sums.weigh_anew()
+        before, at = at, improve(group, at)
+        if relative_change(law, before[0].theta, at[0].theta) <= SETTLED:
             break
     return at
 
 
-def improve(sums: Sums, at: Unknowns) -> Unknowns:
+def improve(group: Sequence[Sums], at: Sequence[Unknowns]) -> Sequence[Unknowns]:
     """The unknowns after a Gauss-Newton step from `at`.
 
     While a step does not lower the loss or is too long, it is halved, at most `HALVINGS` times. If
     all fail, the result is `at`.
+
+    Args:
+        group: the sums of all members that have one law.
+        at: the unknowns of each, with one theta.
     """
-    free, law = sums.free, sums.law
-    before = sums.loss(at)
+    free, law, theta = group[0].free, group[0].law, at[0].theta
+    losses = [sums.loss(own) for sums, own in zip(group, at, strict=True)]
+    weights = [losses[0] / loss for loss in losses]
+    before, equations = _loss(group, at, weights), []
     with torch.enable_grad():
-        A, b = sums.normal_equations(at)
-        if len(sums.differences):
-            before += sums.expect_smooth(A, b, at)
-        x = solve(A, b, len(free))
-    if x is None:
+        for sums, own, weight in zip(group, at, weights, strict=True):
+            A, b = sums.normal_equations(own)
+            if len(sums.differences):
+                before += sums.expect_smooth(A, b, own)
+            equations.append((weight * A, weight * b))
+        steps = solve_group(equations, len(free))
+    if steps is None:
         return at
-    for part in (x * 0.5**halving for halving in range(HALVINGS + 1)):
-        by_C, by_law = part[: at.C.numel()], part[at.C.numel() :]
-        theta = at.theta.clone()
-        theta[free] += by_law
-        found = Unknowns(at.C + by_C.view_as(at.C), theta)
-        short = relative_change(law, at.theta, theta) <= LONGEST
-        if short and law.admits(theta.tolist()) and sums.loss(found) < before:  # not for a NaN
+    for part in (0.5**halving for halving in range(HALVINGS + 1)):
+        moved = theta.clone()
+        moved[free] += part * steps[0][-len(free) :]
+        found = [
+            Unknowns(own.C + (part * x[: own.C.numel()]).view_as(own.C), moved)
+            for own, x in zip(at, steps, strict=True)
+        ]
+        allowed = relative_change(law, theta, moved) <= LONGEST and law.admits(moved.tolist())
+        if allowed and _loss(group, found, weights) < before:  # not for a NaN
             return found
     return at
 
 
+def _loss(group: Sequence[Sums], at: Sequence[Unknowns], weights: Sequence[float]) -> float:
+    return sum(w * sums.loss(own) for sums, own, w in zip(group, at, weights, strict=True))
+
+
 def last_layer(
-    member: Member, params: Tensor, theta: Tensor, step: int, until: float = math.inf
-) -> tuple[Tensor, Tensor]:
-    """params [P] and theta [N] of a trained network of the mixed form after the steps, if any.
+    group: Sequence[tuple[Member, Tensor, Tensor]], step: int, until: float = math.inf
+) -> list[tuple[Tensor, Tensor]]:
+    """params [P] and theta [N] of trained networks of the mixed form after the steps, if any.
 
     Args:
-        member: with the term weights of the end of the training, and data on the device of
-            `params`; its seed and `step` choose the points.
+        group: all members that have one law, each with its params [P] and theta [N]. A member has
+            the term weights of the end of the training, and data on the device of its params; its
+            seed and `step` choose the points.
         until: time.monotonic() after which no further step is made.
     """
-    spec = member.problem.spec
-    features = Features(spec, params, member.problem.window)
-    points = choose(member.data, features, member.seed, step)
-    sums = Sums(features, member.problem, member.law, points)
-    found = iterate(sums, Unknowns(coefficients(spec, params), theta.double()), until)
-    return with_coefficients(spec, params, found.C), found.theta.to(theta)
+    every, at = [], []
+    for member, params, theta in group:
+        spec = member.problem.spec
+        features = Features(spec, params, member.problem.window)
+        points = choose(member.data, features, member.seed, step)
+        every.append(Sums(features, member.problem, member.law, points))
+        at.append(Unknowns(coefficients(spec, params), theta.double()))
+    return [
+        (with_coefficients(member.problem.spec, params, found.C), found.theta.to(theta))
+        for (member, params, theta), found in zip(group, iterate(every, at, until), strict=True)
+    ]

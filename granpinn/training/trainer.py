@@ -169,7 +169,8 @@ class Trainer:
         """Make the step at the counter of `control`, without a copy from device to host."""
         e = self.objective.evaluate(self.control, self.params, self.law_variables.theta, prefit)
         e = self.processes.all_reduce(e)
-        self.optimizer.step(e.loss, e.grad_params, e.grad_theta, law_moves=not prefit)
+        by_theta = self.objective.over_groups(e.grad_theta, e.loss)
+        self.optimizer.step(e.loss, e.grad_params, by_theta, law_moves=not prefit)
         return e
 
     def _stretch(self) -> int:
@@ -209,10 +210,12 @@ class Trainer:
     def roll_back(self, members: Iterable[int]) -> None:
         """Restore members from the copy; they continue at half the learning rate.
 
-        If no others are left, the run goes back to the step of the copy. Otherwise the others keep
-        their state, and the restored members continue with the present step.
+        All members that have one law are restored together. If no others are left, the run goes
+        back to the step of the copy. Otherwise the others keep their state, and the restored
+        members continue with the present step.
         """
-        members, diverged = set(members), self.diverged
+        members = {companion for e in members for companion in self.objective.group_of(e)}
+        diverged = self.diverged
         if len(members) + len(diverged) == len(self.lr_scale):
             self.restore()
             self.diverged = diverged
@@ -223,7 +226,9 @@ class Trainer:
         self.remember()
 
     def give_up(self, reasons: Mapping[int, str]) -> None:
-        """Freeze members for good, in the state of their copy."""
+        """Freeze members for good, with all that have their law, in the state of their copy."""
+        group_of = self.objective.group_of
+        reasons = {member: why for e, why in reasons.items() for member in group_of(e)}
         self._take_back(reasons)
         self.diverged = {**self.diverged, **reasons}
 
@@ -240,15 +245,18 @@ class Trainer:
         """
         if not self.config.optimizer.last_layer or self.objective.spec.form != "mixed":
             return
-        left = [e for e in range(len(self.objective.members)) if e not in self.diverged]
-        for k, e in enumerate(left):
+        left = [group for group in self.objective.groups if group[0] not in self.diverged]
+        for k, group in enumerate(left):
             now = time.monotonic()
-            until_e = now + (until - now) / (len(left) - k)
-            self.mean_lengths[e] = mean_length(self._at_end(e), *self.trained(e), self.step)
-            self.solved[e] = last_layer(self._at_end(e), *self.trained(e), self.step, until_e)
+            until_k = now + (until - now) / (len(left) - k)
+            for e in group:
+                self.mean_lengths[e] = mean_length(self._at_end(e), *self.trained(e), self.step)
+            trained = [(self._at_end(e), *self.trained(e)) for e in group]
+            solved = last_layer(trained, self.step, until_k)
+            self.solved |= dict(zip(group, solved, strict=True))
 
     def ended(self, member: int) -> tuple[Member, Tensor, Tensor, int] | None:
-        """The arguments of `last_layer` for what follows that step; None without it."""
+        """A member after its last-layer step, and the number of steps; None without it."""
         if member not in self.solved:
             return None
         return self._at_end(member), *self.solved[member], self.step

@@ -45,9 +45,14 @@ def with_curve(
     found = percentiles(inertial_number, weight)
     if found is None:
         return _with(result, reason=NO_SHEAR)
+    points = None if ratio is None else stress_points(inertial_number, ratio, found)
+    return over(result, found, points)
+
+
+def over(result: Result, found: tuple[float, float], points: StressPoints | None = None) -> Result:
+    """The result with its law over a range of I."""
     I = np.geomspace(*found, POINTS)
     I[0], I[-1] = found
-    points = None if ratio is None else stress_points(inertial_number, ratio, found)
     known = result.determined
     if known is not None and known.reason is not None:
         return _with(result, I_range=found, points=points, reason=known.reason)

@@ -11,6 +11,14 @@ of real grains from mu(I) (error_model.py), and J continues the line through bot
 scatter of K > 1 members over seeds. A is the effect of assumptions, such as the offset of the
 surface line (sensitivity.py).
 
+Several flows with one law: M and G are those of the ends of all flows. The errors of two flows are
+correlated, because the method and the material have a part in both. With the slopes K of log mu at
+all ends by the parameters, generalised least squares gives
+
+$$ J = (K^T (M + G)^{-1} K)^{-1} K^T (M + G)^{-1} , $$
+
+which is $K^{-1}$ for one flow. I0 is a third parameter where it is identified.
+
 Intervals are from Student's distribution and symmetric in log mu, so friction stays positive.
 """
 
@@ -28,12 +36,16 @@ from granpinn.physics.laws import DEFAULT, LAWS, FrictionLaw
 from granpinn.results import Covariance, Parameter, Residuals
 from granpinn.results.assumed import Assumed
 from granpinn.results.records import ErrorBars, Members
-from granpinn.uncertainty.error_model import ErrorModel, Known, Pair, continued, interval, load
+from granpinn.uncertainty.error_model import (
+    ErrorModel,
+    Known,
+    interval,
+    load,
+)
 from granpinn.uncertainty.sensitivity import covariance, unknown
 
-NAMES = ("mu_s", "mu_2")
 DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
-STARTS = ("rheology.start", "rheology.random_start")  # no influence (bench/studies/recipe)
+STARTS = ("rheology.start", "rheology.random_start")  # no influence (bench/studies/ablation)
 
 
 def center(members: Members, law: FrictionLaw = DEFAULT) -> tuple[float, ...]:
@@ -42,7 +54,7 @@ def center(members: Members, law: FrictionLaw = DEFAULT) -> tuple[float, ...]:
     If a parameter is optimised as its rise above the one before it, the median is of the rise: the
     data determine the slope of mu(I), not mu_2. The median of the logarithm would be the same.
     """
-    values = values_of(members, law)
+    values = values_of(members, law.free)
     found: list[float] = []
     for k, name in enumerate(law.free):
         if law.parameter(name).variable == "log_above":
@@ -60,13 +72,13 @@ def nearest(members: Members, law: FrictionLaw) -> int:
     """
     middle = np.array(center(members, law))
     unit = [middle[k if name == law.cohesion else 0] for k, name in enumerate(law.free)]
-    z = (values_of(members, law) - middle) / np.array(unit)
+    z = (values_of(members, law.free) - middle) / np.array(unit)
     return int(np.argmin((z**2).sum(axis=1)))
 
 
-def values_of(members: Members, law: FrictionLaw = DEFAULT) -> Float64:
-    """The values of the members [K, len(law.free)]."""
-    return np.stack([members.values[name] for name in law.free], axis=1)
+def values_of(members: Members, names: Sequence[str]) -> Float64:
+    """The values of L parameters of the members [K, L]."""
+    return np.stack([members.values[name] for name in names], axis=1)
 
 
 class Estimate(NamedTuple):
@@ -78,51 +90,73 @@ class Estimate(NamedTuple):
 
 
 def estimate(
-    members: Members, known: Known, model: ErrorModel, assumed: Sequence[Assumed] = ()
+    members: Members, flows: Sequence[Known], model: ErrorModel, assumed: Sequence[Assumed] = ()
 ) -> Estimate:
-    """Error bars of the center `known.mu` of an ensemble."""
+    """Error bars of the center `mu` of an ensemble.
+
+    Args:
+        flows: one flow, or all flows that have this law, with the same `mu` and `I0`.
+    """
+    J, (of_method, of_grains) = continuation(flows, model), model.of_flows(flows)
+    values = flows[0].parameters
     parts = {
-        "method": continued(model.method(known), known),
-        "grains": continued(model.grains(known), known),
-        "scatter": scatter(members),
-        "assumptions": covariance(assumed, NAMES),
+        "method": J @ of_method @ J.T,
+        "grains": J @ of_grains @ J.T,
+        "scatter": scatter(members, tuple(values)),
+        "assumptions": covariance(assumed, tuple(values)),
     }
-    C = sum(parts.values(), np.zeros((2, 2)))
+    C = sum(parts.values(), np.zeros((len(values), len(values))))
     half, sd = model.half_width(), np.sqrt(np.diag(C)).tolist()
     parameters = {
-        name: Parameter(mu, False, s, interval(mu, s, half))
-        for name, mu, s in zip(NAMES, known.mu, sd, strict=True)
+        name: Parameter(value, False, s, interval(value, s, half))
+        for (name, value), s in zip(values.items(), sd, strict=True)
     }
-    method = _pair(parts.pop("method"))
     bars = ErrorBars(
-        method=method,
-        **{name: _pair(matrix) if matrix.any() else None for name, matrix in parts.items()},
+        method=_sd(parts.pop("method")),
+        **{name: _sd(matrix) if matrix.any() else None for name, matrix in parts.items()},
         freedom=model.freedom,
         half_width=half,
-        outside=model.outside(known),
+        outside=tuple(dict.fromkeys(words for known in flows for words in model.outside(known))),
         provenance=model.provenance,
     )
-    return Estimate(parameters, Covariance(NAMES, tuple(map(tuple, C.tolist()))), bars)
+    return Estimate(parameters, Covariance(tuple(values), tuple(map(tuple, C.tolist()))), bars)
 
 
-def sd_of(known: Known, model: ErrorModel) -> Pair:
-    """Standard deviations of (mu_s, mu_2) in runs of which no more is known."""
-    return _pair(continued(model.method(known) + model.grains(known), known))
+def continuation(flows: Sequence[Known], model: ErrorModel) -> Float64:
+    """Errors of the L parameters by those of log mu at both ends of F flows [L, 2 F]."""
+    slopes = np.concatenate([known.slopes for known in flows])
+    if len(slopes) == slopes.shape[1]:
+        return np.asarray(np.linalg.inv(slopes))
+    method, of_grains = model.of_flows(flows)
+    triangle = np.linalg.cholesky(method + of_grains)
+    white = np.linalg.solve(triangle, np.eye(len(triangle)))
+    return np.asarray(np.linalg.lstsq(white @ slopes, white, rcond=None)[0])
 
 
-def scatter(members: Members) -> Float64:
-    """Covariance of the mean of (mu_s, mu_2) over the members [2, 2]; 0 for one member."""
-    values = values_of(members)
+def sd_of(flows: Sequence[Known], model: ErrorModel) -> dict[str, float]:
+    """Standard deviations of the parameters in runs of which no more is known.
+
+    Infinite if the ranges of the flows leave one open, as those of one flow that is given twice.
+    """
+    if np.linalg.matrix_rank(np.concatenate([f.slopes for f in flows])) < len(flows[0].parameters):
+        return dict.fromkeys(flows[0].parameters, np.inf)
+    J = continuation(flows, model)
+    C = J @ sum(model.of_flows(flows)) @ J.T
+    return dict(zip(flows[0].parameters, _sd(C), strict=True))
+
+
+def scatter(members: Members, names: Sequence[str]) -> Float64:
+    """Covariance of the mean of L parameters over the members [L, L]; 0 for one member."""
+    values = values_of(members, names)
     K = len(values)
     if K < 2:
-        return np.zeros((2, 2))
+        return np.zeros((len(names), len(names)))
     return np.asarray(np.cov(values, rowvar=False) / K)
 
 
-def _pair(C: Float64) -> Pair:
+def _sd(C: Float64) -> tuple[float, ...]:
     """Standard deviations."""
-    first, second = np.sqrt(np.diag(C)).tolist()
-    return first, second
+    return tuple(np.sqrt(np.diag(C)).tolist())
 
 
 class Judgement(NamedTuple):
@@ -170,7 +204,7 @@ def judge(
         return without("no grains shear")
     if missing := unknown(assumed):
         return without(f"the effect of the {' and '.join(missing)} is not known")
-    found = estimate(members, known, load(), assumed)
+    found = estimate(members, [known], load(), assumed)
     bars = found.bars
     if not known.real:  # grains of all kinds were tested, of simulated flows collapses
         unlike = tuple(f"a flow that is {words.partition(':')[0]}" for words in symmetries)

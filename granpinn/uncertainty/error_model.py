@@ -34,6 +34,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -41,6 +42,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import special
+from scipy.linalg import block_diag
 
 from granpinn.arrays import Float64
 from granpinn.results.decoding import decode
@@ -83,6 +85,7 @@ class Known(NamedTuple):
         noise: of the vectors, rms over rms, stated or else measured.
         vectors: number of independent ones.
         steps: of the training.
+        I0: that was identified with mu_s and mu_2; None: it was given.
         outline: whether the outline of the grains is the free surface (level V0).
         real: whether no solver made the data.
     """
@@ -96,11 +99,27 @@ class Known(NamedTuple):
     steps: int = STEPS
     outline: bool = False
     real: bool = False
+    I0: float | None = None
 
     @property
     def ends(self) -> Float64:
         """mu at both ends of the range [2]."""
         return np.asarray(line(self.x) @ np.array(self.mu))
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The L parameters that were identified."""
+        mu_s, mu_2 = self.mu
+        return {"mu_s": mu_s, "mu_2": mu_2} | ({} if self.I0 is None else {"I0": self.I0})
+
+    @property
+    def slopes(self) -> Float64:
+        """d log mu / d theta at both ends, for the identified parameters [2, L]."""
+        by_mu, (mu_s, mu_2) = line(self.x), self.mu
+        if self.I0 is not None:
+            by_I0 = -(mu_2 - mu_s) * by_mu[:, :1] * by_mu[:, 1:] / self.I0
+            by_mu = np.concatenate([by_mu, by_I0], axis=1)
+        return np.asarray(by_mu / self.ends[:, None])
 
 
 @dataclass(frozen=True)
@@ -111,6 +130,7 @@ class ErrorModel:
         freedom: degrees of freedom of Student's distribution.
         lower, upper: coefficients of log s at the ends of the range of I, by `COEFFICIENTS`.
         correlation: of the errors of log mu at both ends.
+        common: correlation of the level of two flows of one material.
         level, tilt: standard deviation of the departure of real grains from mu(I), of log mu.
         free_curve: errors of a free curve at both ends over those of mu(I).
         cohesion: rms cohesion that is found in grains without any, over rho |g| H.
@@ -123,6 +143,7 @@ class ErrorModel:
     lower: dict[str, float]
     upper: dict[str, float]
     correlation: float
+    common: float
     level: float
     tilt: float
     free_curve: float
@@ -138,8 +159,10 @@ class ErrorModel:
             for name, sign in {"outline": 1, **FEATURES}.items():
                 if sign * b[name] < 0:
                     raise ValueError(f"{name} must not make errors smaller, got {b[name]}")
-        if not (self.freedom > 2 and abs(self.correlation) < 1):
-            raise ValueError("freedom must be above 2, correlation between -1 and 1")
+        if not (self.freedom > 2 and abs(self.correlation) < 1 and 0 <= self.common < 1):
+            raise ValueError(
+                "freedom must be above 2, correlation between -1 and 1, common between 0 and 1"
+            )
         if not all(0 < low < high for low, high in self.tested.values()):
             raise ValueError("tested must hold ascending pairs of positive numbers")
         if min(self.level, self.tilt, self.cohesion, self.cohesion_part) < 0:
@@ -172,9 +195,20 @@ class ErrorModel:
 
     def grains(self, known: Known) -> Float64:
         """Covariance of log mu at both ends by the departure of real grains from mu(I) [2, 2]."""
-        both, opposite = self.level**2, self.tilt**2
-        rows = [[both + opposite, both - opposite], [both - opposite, both + opposite]]
-        return known.real * np.array(rows)
+        return self.of_flows([known])[1]
+
+    def of_flows(self, flows: Sequence[Known]) -> tuple[Float64, Float64]:
+        """Covariance of log mu at both ends of F flows of one material [2 F, 2 F], in two parts.
+
+        The first part is `method`. The second one is the departure of real grains from mu(I): all
+        flows have a part of the level in common, and each has its own tilt.
+        """
+        alone, both = np.eye(len(flows)), np.ones((2, 2))
+        level = self.level**2 * (self.common + (1 - self.common) * alone)
+        tilt = self.tilt**2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        real = np.repeat([known.real for known in flows], 2)
+        departure = np.kron(level, both) + np.kron(alone, tilt)
+        return block_diag(*map(self.method, flows)), np.outer(real, real) * departure
 
     def outside(self, known: Known) -> tuple[str, ...]:
         """The quantities beyond the range of the fit, in words."""
@@ -235,12 +269,6 @@ def line(x: Pair) -> Float64:
     """mu at the ends by (mu_s, mu_2) [2, 2]."""
     ends = np.array(x)
     return np.stack([1 - ends, ends], axis=1)
-
-
-def continued(of_ends: Float64, known: Known) -> Float64:
-    """Covariance of (mu_s, mu_2) from that of log mu at both ends [2, 2]."""
-    J = np.linalg.solve(line(known.x), np.diag(known.ends))
-    return np.asarray(J @ of_ends @ J.T)
 
 
 def interval(value: float, sd: float, half_width: float) -> Pair:

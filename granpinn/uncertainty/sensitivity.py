@@ -13,6 +13,7 @@ grains forces the pressure to zero where there is none outside.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -56,7 +57,8 @@ def effects(
 ) -> dict[int, tuple[Assumed, ...]]:
     """The effect of every assumption on the law, by members of a finished training.
 
-    All copies are one batch.
+    All copies are one batch. Members that have one law train on together: an assumption of one of
+    them moves the law of all.
 
     Args:
         share: of the time of the finished training that this one may take; None: any.
@@ -64,11 +66,20 @@ def effects(
     asked = [(e, assumption) for e, every in assumptions.items() for assumption in every]
     if not asked:
         return {}
-    copies = [(e, member) for e, assumption in asked for member in assumption.pair()]
+    copies: list[tuple[int, Member]] = []
+    places = []  # of every changed member among the copies
+    for e, assumption in asked:
+        for changed in assumption.pair():
+            places.append(len(copies))
+            copies.append((e, dataclasses.replace(changed, group=len(places))))
+            companions = [c for c in trainer.objective.group_of(e) if c != e]
+            own = trainer.objective.members
+            copies += [(c, dataclasses.replace(own[c], group=len(places))) for c in companions]
     most = MOST_STEPS
     if share is not None:  # a copy takes at most the time of a member
         most = min(most, int(share * trainer.step * len(trainer.params) / len(copies)))
-    theta = continued(trainer, copies, most)
+    every = continued(trainer, copies, most)
+    theta = [every[place] for place in places]
     found: dict[int, tuple[Assumed, ...]] = {}
     for k, (e, assumption) in enumerate(asked):
         pair = [

@@ -27,6 +27,7 @@ TRUE = dataclasses.replace(
     upper={"constant": -6.6, "outline": 0.8, "noise": 0.1, "misfit": 0.9, "law": 0.3, "steps": 0.5}
     | {"reach": -0.8, "contrast": 2.0},
     correlation=-0.3,
+    common=0.4,
     level=0.02,
     tilt=0.03,
     tested=dict.fromkeys(error_model.WORDS, (1e-9, 1e3)),
@@ -153,7 +154,7 @@ def test_the_command_writes_a_model_that_can_be_loaded(
     assert fit.main(["--write"]) == 0
     printed = capsys.readouterr().out
     for population in ("made-0", "made-3", GRAINS):
-        assert printed.count(f"\n| {population} ") == 2  # unseen and fitted
+        assert printed.count(f"\n| {population} ") == 1
     found = error_model.load(tmp_path / "model.json")
     assert isinstance(found, ErrorModel)
     assert (tmp_path / "report.md").read_text() in printed

@@ -207,5 +207,6 @@ def test_the_identity_has_every_setting_but_the_free_ones() -> None:
         *("simulated_pressure.frames", "simulated_pressure.cells", "side_walls.friction_sd"),
     }
     assert missing == after_training | {
-        *("flow", "out", "checks", "resume", "tensorboard", "checkpoint_every", "max_time")
+        *("flow", "further_flows", "out", "checks", "resume"),
+        *("tensorboard", "checkpoint_every", "max_time"),
     }

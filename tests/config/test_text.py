@@ -65,7 +65,7 @@ def test_every_setting_is_a_flag_with_a_sentence(capsys: pytest.CaptureFixture[s
     assert stop.value.code == 0
     text = capsys.readouterr().out
     for key in settings_of(Config):
-        assert key == "flow" or flag_of(key) in text
+        assert key in ("flow", "further_flows") or flag_of(key) in text
     assert "FLOW" in text
     assert "granpinn train collapse.h5 --out run" in text
     assert f"--law {{{','.join(LAWS)}}}" in text

@@ -102,6 +102,20 @@ def test_the_band_is_that_of_the_result(result: Result, contents: Contents) -> N
         assert (edges.min(), edges.max()) == pytest.approx((curve.low[k], curve.high[k]))
 
 
+def test_a_band_without_meaning_is_left_out(result: Result, contents: Contents) -> None:
+    known = over(replace(result, covariance=COVARIANCE))
+    curve = known.law.curve
+    assert curve is not None
+    assert curve.high is not None
+    wide = (*curve.high[:40], *(100 * high for high in curve.high[40:]))
+    known = replace(known, law=replace(known.law, curve=replace(curve, high=wide)))
+    drawing = curves.friction_law(known, contents.fields)
+    axes = drawing.figure.axes[0]
+    (filled,) = (item for item in axes.collections if item.get_label() == "90 % band")
+    assert np.asarray(filled.get_paths()[0].vertices)[:, 0].max() < curve.I[40]
+    assert "Where there is no band, mu(I) is not determined" in drawing.caption
+
+
 def test_the_sd_of_the_law_is_first_order_in_all_three_parameters(result: Result) -> None:
     I = np.array([1e-3, 0.1, 2.0])
     values = np.array([0.4, 0.6, 0.25])

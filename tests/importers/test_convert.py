@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from granpinn import Config, identify
-from granpinn.commands.convert import main, parse
+from granpinn.command.conversion import parse
+from granpinn.commands.convert import main, parser
 from granpinn.config import Network
 from granpinn.data import FlowFileWarning, read_flow
 from granpinn.importers import DataFileError, Settings, Validity, read, read_vectors
@@ -286,8 +287,7 @@ PLAIN = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fracti
 
 def _settings(flags: list[str]) -> dict[str, Any]:
     """The settings of a command line."""
-    settings = parse(["a", "--out", "b.h5", *flags])[2]
-    return {name: value for name, value in vars(settings).items() if value is not None}
+    return parse(parser(), ["a", "--out", "b.h5", *flags])[2]
 
 
 def test_files_that_hold_the_same_time(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """The same flow in other units, axes and formats leads to the same dimensionless training set.
 
-The dimensionless collapse that comes with the package is measured here by an imaginary camera: in
+The collapse that comes with the package is measured here by an imaginary camera: in
 millimeters and milliseconds, in pixels and frames with y down, and with the camera tilted.
 """
 
@@ -20,10 +20,11 @@ from granpinn.data.scaling import equation_constants, scales_of
 from granpinn.importers import read
 from granpinn.simulation import demo_path
 
-MILLIMETERS = 8.0  # of one unit of length of the demonstration
+DIAMETER = 0.32e-3  # m, of the grains of the demonstration
+MILLIMETERS = 1e3  # of a metre
 G = 9.81
-MILLISECONDS = 1e3 * math.sqrt(MILLIMETERS * 1e-3 / G)  # of one unit of time
-SPEED = MILLIMETERS / MILLISECONDS  # mm/ms of one unit of velocity
+MILLISECONDS = 1e3  # of a second
+SPEED = MILLIMETERS / MILLISECONDS  # mm/ms of one m/s
 FRACTION = 0.6
 
 
@@ -61,7 +62,7 @@ def measured(flow: Flow, **changes: Any) -> dict[str, Any]:
 
 def material() -> dict[str, Any]:
     """Grains whose effective diameter is that of the demonstration, d sqrt(rho_g / rho)."""
-    d = 0.025 * MILLIMETERS * math.sqrt(FRACTION)
+    d = DIAMETER * MILLIMETERS * math.sqrt(FRACTION)
     return {
         "grain_diameter": f"{d!r} mm",
         "grain_density": "2.5 g/cm^3",
@@ -101,10 +102,10 @@ def test_millimeters_and_milliseconds(tmp_path: Path, demo: Flow) -> None:
     inside = (demo.surface.t >= demo.t[0]) & (demo.surface.t <= demo.t[-1] + 1e-9)  # type: ignore[union-attr]
     seen = Surface(*(getattr(demo.surface, name)[inside] for name in ("t", "x", "y")))
     # The size of the grains also says which surface points lie in the toe.
-    d = 0.025 * math.sqrt(FRACTION)
-    same = replace(demo, surface=seen, grain_diameter=d, grain_density=1 / FRACTION)
+    d = DIAMETER * math.sqrt(FRACTION)
+    same = replace(demo, surface=seen, grain_diameter=d, grain_density=1500 / FRACTION)
     expected = dimensionless(same)
-    assert expected[1] == pytest.approx(0.025 / scales_of(demo).length)
+    assert expected[1] == pytest.approx(DIAMETER / scales_of(demo).length)
     assert len(expected[0].surface_points) > 100
     assert_same(dimensionless(read_flow(tmp_path / "flow.h5")), expected)
 

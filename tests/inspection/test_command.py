@@ -109,7 +109,7 @@ def test_measurement_files_get_the_command_that_converts_them(
         (["a.h5", "--I0", "many"], "--I0 must be a number"),
         (["a.h5", "--mu-s", "0"], "mu_s must be larger than 0, got 0"),
         (["a.h5", "--law", "coulomb", "--I0", "0.3"], "the law coulomb has the parameters mu_s"),
-        ([str(demo_path()), str(demo_path())], "one at a time"),
+        ([str(demo_path()), str(demo_path()), "--json"], "one at a time"),
         ([str(demo_path()), "--out", str(demo_path())], "must be a new or existing folder"),
     ],
 )

@@ -19,12 +19,14 @@ from granpinn.results import (
     Residuals,
     Result,
     Timing,
+    brief,
     read_results,
     write_csv,
     write_results,
 )
-from granpinn.results.assessment import CONDITIONS, GRADES
+from granpinn.results.assessment import CONDITIONS, GRADES, Assessment
 from granpinn.results.compared_law import ComparedLaw
+from granpinn.results.flow_of_law import FlowOfLaw
 from granpinn.results.identified_law import Curve
 from granpinn.results.record import Reason
 from tests.examples import BASELINE, make_result
@@ -94,6 +96,13 @@ def bootstrap(rms: float) -> dict[str, Any]:
     return {"checks": {"bootstrap": record}}
 
 
+def of_flows(grade: str) -> dict[str, Any]:
+    limited = Assessment(grade, "a headline", ("It is noisy.",))
+    bad = replace(EXAMPLE.input, name="b.h5")
+    good = FlowOfLaw(EXAMPLE.input, EXAMPLE.data, None, None, Assessment("good", "good", ("Yes.",)))
+    return {"flows": (good, FlowOfLaw(bad, EXAMPLE.data, None, None, limited))}
+
+
 # Changes of a result that is good, its grade then, and words of the first reason.
 CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "as it is": ({}, "good", "mu(I) is known to +- 6.1 %: 0.420 (0.400 to 0.440) at I = 0.01"),
@@ -152,6 +161,8 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
         "care",
         "The data support another law: a constant friction of 0.4 explains these data",
     ),
+    "one of its flows": (of_flows("care"), "care", "b.h5: It is noisy."),
+    "a bad one of its flows": (of_flows("do not use"), "do not use", "b.h5: It is noisy."),
     "narrow": (bootstrap(0.05), "care", "The error bars may be too narrow: the rms error of"),
     "narrow by chance": (bootstrap(0.03), "good", "mu(I) is known to"),
 }
@@ -209,3 +220,10 @@ def test_all_outputs_have_the_same_answer(changes: dict[str, Any], tmp_path: Pat
     assert result._repr_html_().startswith(f"<p>{found.headline}: ")
     write_csv(result, tmp_path / "results.csv")
     assert f",{found.grade}," in (tmp_path / "results.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"), [(1.1, "+- "), (1.8, "mu(I)   not determined at I = 0.01 to 0.2")]
+)
+def test_the_curve_in_a_line(factor: float, words: str) -> None:
+    assert any(words in line for line in brief.lines(make_result(law=law(factor))))

@@ -17,7 +17,7 @@ from granpinn.results.assumed import Assumed
 from granpinn.results.records import Members
 from granpinn.uncertainty import error_bars, error_model
 from granpinn.uncertainty.error_bars import center, nearest
-from granpinn.uncertainty.error_model import FEATURES, ErrorModel, Known, continued, ends_of, line
+from granpinn.uncertainty.error_model import FEATURES, ErrorModel, Known, ends_of, line
 
 X, MU = (0.02, 0.3), (0.4, 0.64)
 USUAL = Known(X, MU, misfit=0.003, law=0.005)
@@ -28,6 +28,7 @@ MODEL = dataclasses.replace(
     lower=RULES | {"constant": math.log(0.004)},
     upper=RULES | {"constant": math.log(0.01)},
     correlation=-0.3,
+    common=0.4,
     level=0.02,
     tilt=0.01,
 )
@@ -43,6 +44,12 @@ WORSE: dict[str, Known] = {
     "reach": USUAL._replace(x=SHORT, mu=SAME),
     "contrast": USUAL._replace(mu=(0.4, 0.8)),
 }
+
+
+def continued(of_ends: Any, known: Known) -> Any:
+    """Covariance of (mu_s, mu_2) from that of log mu at both ends [2, 2]."""
+    J = np.linalg.solve(line(known.x), np.diag(known.ends))
+    return J @ of_ends @ J.T
 
 
 def test_mu_s_and_mu_2_are_the_continuation_of_a_line() -> None:
@@ -124,7 +131,7 @@ def test_error_bars_are_the_sum_of_their_parts() -> None:
     three = Members((0, 1, 2), {"mu_s": (0.39, 0.40, 0.42), "mu_2": (0.64, 0.66, 0.60)})
     line = Assumed("surface line", "m", 0.01, {"mu_s": 2.0, "mu_2": -5.0}, "one grain higher")
     known = USUAL._replace(real=True)
-    found = error_bars.estimate(three, known, MODEL, (line,))
+    found = error_bars.estimate(three, [known], MODEL, (line,))
     parts = continued(MODEL.method(known) + MODEL.grains(known), known)
     parts = parts + np.cov([three.values["mu_s"], three.values["mu_2"]]) / 3
     parts = parts + np.outer([0.02, -0.05], [0.02, -0.05])
@@ -133,12 +140,12 @@ def test_error_bars_are_the_sum_of_their_parts() -> None:
     assert bars.assumptions == pytest.approx((0.02, 0.05))
     squares = [np.square(p) for p in (bars.method, bars.grains, bars.scatter, bars.assumptions)]
     np.testing.assert_allclose(np.sum(squares, axis=0), np.diag(parts), rtol=1e-12)
-    alone = error_bars.estimate(ALONE, USUAL, MODEL).bars
+    alone = error_bars.estimate(ALONE, [USUAL], MODEL).bars
     assert (alone.grains, alone.scatter, alone.assumptions) == (None, None, None)
 
 
 def test_intervals_are_those_of_student_and_hold_no_negative_friction() -> None:
-    found = error_bars.estimate(ALONE, USUAL, MODEL).parameters
+    found = error_bars.estimate(ALONE, [USUAL], MODEL).parameters
     half = stats.t.ppf(0.95, 8.0)
     for parameter in found.values():
         low, high = parameter.interval_90
@@ -146,7 +153,7 @@ def test_intervals_are_those_of_student_and_hold_no_negative_friction() -> None:
         assert math.log(high / parameter.value) == pytest.approx(reach)
         assert math.log(parameter.value / low) == pytest.approx(reach)
     lost = Known((0.1, 0.1 + 1e-6), MU, misfit=5.0, law=3.0, noise=2.0)
-    for parameter in error_bars.estimate(ALONE, lost, error_model.load()).parameters.values():
+    for parameter in error_bars.estimate(ALONE, [lost], error_model.load()).parameters.values():
         low, high = parameter.interval_90
         assert 0 < low < parameter.value < high < math.inf
 
@@ -162,7 +169,7 @@ def test_intervals_cover_as_often_as_stated(seed: int) -> None:
     for row in e:
         mu = np.linalg.solve(line(X), (line(X) @ MU) * np.exp(row))
         members = Members((0,), {"mu_s": (mu[0],), "mu_2": (mu[1],)})
-        found = error_bars.estimate(members, USUAL._replace(mu=tuple(mu.tolist())), MODEL)
+        found = error_bars.estimate(members, [USUAL._replace(mu=tuple(mu.tolist()))], MODEL)
         ends = [p.interval_90 for p in found.parameters.values()]
         held += [low <= t <= high for (low, high), t in zip(ends, MU, strict=True)]
     assert s.shape == (2,)
@@ -218,3 +225,68 @@ def test_a_model_that_breaks_a_rule_is_refused(
     (tmp_path / "model.json").write_text(json.dumps(content | changes), encoding="utf-8")
     with pytest.raises(ValueError, match=sentence):
         error_model.load(tmp_path / "model.json")
+
+
+OTHER = USUAL._replace(x=(0.2, 0.6), real=True)
+
+
+def covariance_of(flows: list[Known]) -> Any:
+    J = error_bars.continuation(flows, MODEL)
+    return J @ sum(MODEL.of_flows(flows)) @ J.T
+
+
+def test_one_flow_has_the_continuation_of_its_ends() -> None:
+    expected = continued(MODEL.method(OTHER) + MODEL.grains(OTHER), OTHER)
+    np.testing.assert_allclose(covariance_of([OTHER]), expected, rtol=1e-9)
+
+
+def test_flows_with_one_law_are_one_least_squares_fit(seed: int) -> None:
+    """Generalised least squares over both ends of both flows, drawn from the model."""
+    flows = [USUAL, OTHER, OTHER]
+    C = np.zeros((6, 6))
+    for f, a in enumerate(flows):
+        for g, b in enumerate(flows):
+            own = MODEL.method(a) + MODEL.grains(a)
+            level = a.real * b.real * 0.4 * MODEL.level**2 * np.ones((2, 2))
+            C[2 * f : 2 * f + 2, 2 * g : 2 * g + 2] = own if f == g else level
+    J = np.vstack([np.diag(1 / known.ends) @ line(known.x) for known in flows])
+    weights = np.linalg.inv(C)
+    fit = np.linalg.solve(J.T @ weights @ J, J.T @ weights)
+    rng = np.random.default_rng(seed)
+    drawn = rng.multivariate_normal(J @ MU, C, 20_000) @ fit.T
+    found = covariance_of(flows)
+    np.testing.assert_allclose(found, np.cov(drawn.T), rtol=0.1)
+    np.testing.assert_allclose(found, fit @ C @ fit.T, rtol=1e-9)
+
+
+def test_two_flows_average_out_all_but_the_level_of_their_grains() -> None:
+    level = continued(MODEL.common * MODEL.level**2 * np.ones((2, 2)), OTHER)
+    once, twice = covariance_of([OTHER]) - level, covariance_of([OTHER, OTHER]) - level
+    np.testing.assert_allclose(twice, once / 2, rtol=1e-9, atol=1e-15)
+
+
+def test_the_slope_by_I0_is_that_of_the_law() -> None:
+    I, h = np.array([0.01, 0.4]), 1e-6
+    known = Known(ends_of((0.01, 0.4), 0.3), MU, I0=0.3)
+    assert known.parameters == {"mu_s": 0.4, "mu_2": 0.64, "I0": 0.3}
+    upper, lower = (np.log(DEFAULT.friction(I, *MU, 0.3 + e)) for e in (h, -h))
+    np.testing.assert_allclose(known.slopes[:, 2], (upper - lower) / (2 * h), rtol=1e-6)
+
+
+def test_I0_needs_flows_with_other_ranges() -> None:
+    slow, fast = (Known(ends_of(I, 0.3), MU, I0=0.3) for I in ((0.01, 0.1), (0.2, 0.8)))
+    assert error_bars.sd_of([fast, fast], MODEL)["I0"] == math.inf
+    assert error_bars.sd_of([slow, fast], MODEL)["I0"] < 0.1
+    members = Members((0,), {"mu_s": (0.4,), "mu_2": (0.64,), "I0": (0.3,)})
+    found = error_bars.estimate(members, [slow, fast], MODEL)
+    assert found.covariance.names == ("mu_s", "mu_2", "I0")
+    low, high = found.parameters["I0"].interval_90
+    assert low < 0.3 < high
+    assert len(found.bars.method) == 3
+
+
+def test_a_flow_that_reaches_far_determines_mu_2_of_all() -> None:
+    narrow = USUAL._replace(x=(0.02, 0.04))
+    wide = error_bars.sd_of([narrow, OTHER._replace(real=False)], MODEL)
+    assert wide["mu_2"] < error_bars.sd_of([narrow], MODEL)["mu_2"] / 5
+    assert wide["mu_s"] < error_bars.sd_of([OTHER._replace(real=False)], MODEL)["mu_s"]

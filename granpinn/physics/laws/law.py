@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 Values = Any  # a number, a NumPy array or a torch tensor
 Curve = Callable[..., Values]  # (I, *parameters) -> values of the shape of I
@@ -90,6 +90,14 @@ class FrictionLaw:
     def free(self) -> tuple[str, ...]:
         """Names of the parameters that are identified by default, in order."""
         return tuple(p.name for p in self.parameters if not p.fixed)
+
+    def with_free(self, values: Mapping[str, float]) -> Self:
+        """The law whose parameters of these names are free, too, with their start values."""
+        made = (
+            replace(p, fixed=False, start=values[p.name]) if p.name in values else p
+            for p in self.parameters
+        )
+        return replace(self, parameters=tuple(made)) if values else self
 
     @property
     def quantiles(self) -> dict[str, float]:

@@ -1,0 +1,50 @@
+"""The command `python -m granpinn.film`: makes a flow file of the frames of a film.
+
+Exit codes: 0 done; 2 bad or impossible input, without --force; 1 the flow file cannot be written.
+"""
+
+from __future__ import annotations
+
+if __name__ == "__main__":
+    from granpinn.command import cli
+
+    cli.start("film")
+
+from collections.abc import Sequence
+
+from granpinn.command import flow_warnings
+from granpinn.command.cli import Command
+from granpinn.command.conversion import add_arguments, parse, write
+from granpinn.command.parser import Parser
+from granpinn.filming import SETTINGS, FilmSettings, measured
+
+EXAMPLES = """examples:
+  python -m granpinn.film frames/*.png --out flow.h5 --scale "0.12 mm/px" --frame-rate "1500 Hz" \\
+      --grain-diameter "0.8 mm" --grain-density "2500 kg/m^3" --solid-fraction 0.6
+  python -m granpinn.film film.avi --out flow.h5 --roi 40:900,0:400 --mask walls.png ...
+
+It writes FLOW.html too: one picture for every stage. docs/guides/films.md shows them."""
+
+
+def parser() -> Parser:
+    made = Parser(
+        "film",
+        "IN... --out FLOW.h5 [settings]",
+        "Track the grains of a film and write a flow file.",
+        EXAMPLES,
+    )
+    add_arguments(made, "images, or one video", SETTINGS)
+    return made
+
+
+def run(argv: Sequence[str]) -> int:
+    sources, out, given = parse(parser(), argv)
+    settings, page = FilmSettings(**given), out.with_suffix(".html")
+    with flow_warnings.in_one_line():
+        flow = measured(sources, settings, print, page).flow
+        print(f"pictures of every stage: {page}")
+        write(flow, out, settings.force)
+    return 0
+
+
+main = Command("film", parser, run)

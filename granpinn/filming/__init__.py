@@ -1,0 +1,94 @@
+"""From the frames of a film to a flow: `granpinn.film(...)`.
+
+frames.py        files -> frames, read by the process of granpinn.foreign
+segmentation.py  grains and background; the free surface
+survey.py        motion, light and faults from frame to frame; the release
+tracking.py      vectors of a frame with their standard deviations, by OpenCV
+measurement.py   this chain, then the conversion of granpinn.importers
+page.py          a picture for every stage
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from granpinn.config import settings_of
+from granpinn.data.flow import Flow
+from granpinn.foreign import installed
+from granpinn.importers import DataFileError, Settings
+from granpinn.importers.reading import settings_from
+
+if TYPE_CHECKING:
+    from granpinn.filming.measurement import Measured
+
+# Settings of a conversion that have no meaning for pictures.
+WITHOUT = (
+    *("format", "fields", "columns", "zeros", "drop_duplicates", "keep_interpolated"),
+    *("track_window", "pulse_delay", "times", "length_unit", "time_unit", "velocity_unit"),
+    *("dimensionless", "flip_y", "window"),
+)
+
+
+@dataclass(frozen=True)
+class FilmSettings(Settings):
+    """The settings of a conversion, and the part of the pictures to use."""
+
+    roi: str | None = field(
+        default=None,
+        metadata={
+            "group": "files",
+            "help": "region of interest in px from the upper left corner, LEFT:RIGHT,TOP:BOTTOM",
+        },
+    )
+
+
+SETTINGS = {name: s for name, s in settings_of(FilmSettings).items() if name not in WITHOUT}
+
+
+def film(
+    sources: str | Path | Sequence[str | Path],
+    *,
+    page: str | Path | None = None,
+    report: Callable[[str], None] | None = None,
+    **settings: Any,
+) -> Flow:
+    """A flow from the frames of a film.
+
+        flow = granpinn.film(
+            "frames/*.png", scale="0.12 mm/px", frame_rate="1500 Hz", grain_diameter="0.8 mm",
+            grain_density="2500 kg/m^3", solid_fraction=0.6, page="film.html",
+        )
+
+    Args:
+        sources: images, a folder or pattern of them, or one video.
+        page: HTML file with a picture of every stage.
+        report: called with every line of a report.
+        settings: as of `python -m granpinn.film`, with _ for -.
+
+    Raises:
+        DataFileError: the film or a setting cannot be used; one sentence.
+    """
+    own = settings_from(settings, FilmSettings, SETTINGS)
+    return measured(sources, own, report, None if page is None else Path(page)).flow
+
+
+def measured(
+    sources: str | Path | Sequence[str | Path],
+    settings: FilmSettings,
+    report: Callable[[str], None] | None = None,
+    page: Path | None = None,
+) -> Measured:
+    """The flow with all stages; arguments and errors as in `film`."""
+    if not installed("cv2"):
+        raise DataFileError("films need OpenCV: pip install 'granpinn[film]'")
+    from granpinn.filming.measurement import measure  # imports OpenCV
+
+    found = measure(sources, settings, report)
+    if page is not None:
+        from granpinn.filming.page import write  # matplotlib is slow to import
+
+        write(found, page)
+    return found

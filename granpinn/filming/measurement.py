@@ -1,0 +1,281 @@
+"""From the frames of a film to a flow: what is in it, the vectors, the surface, the conversion."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+import warnings
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from granpinn.arrays import Float64, Int64
+from granpinn.data.flow import Flow, FlowFileWarning, Surface
+from granpinn.filming import FilmSettings
+from granpinn.filming.frames import Frames, Picture, opened
+from granpinn.filming.segmentation import Segmentation, segmented, traced
+from granpinn.filming.survey import Judgement, Survey, judged, survey
+from granpinn.filming.tracking import LONGEST, Vectors, velocities
+from granpinn.importers import DataFileError, Settings, convert, units, vector_fields
+from granpinn.importers.limits import read_file
+from granpinn.importers.source import frames_of
+
+MAX_FIELDS = 200  # frames with vectors, unless --frames chooses others
+SAMPLES = 9  # pictures for the segmentation
+FEWEST = 30  # vectors of a frame
+SURFACE_SD = 0.1  # of the offset of the line, grain diameters (bench/studies/film)
+RISING = 0.1  # mean velocity against gravity, of the rms speed
+SLOW, FAST = 0.02, 1.5  # acceleration of the fast grains after the release over gravity
+SHOWN = (0.25, 0.6)  # of the fields, for the page
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """A measured frame, for the page."""
+
+    number: int
+    picture: Picture
+    vectors: Vectors
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A film and what was measured in it.
+
+    Attributes:
+        fields: some frames with their vectors. line: the surface, px, y up, t in frames.
+        said: sentences for the user: pairing, release, segmentation.
+    """
+
+    flow: Flow
+    film: Survey
+    judgement: Judgement
+    fields: list[Field]
+    line: Surface | None
+    said: list[str]
+
+
+def measure(
+    sources: str | Path | Sequence[str | Path],
+    settings: FilmSettings,
+    report: Callable[[str], None] | None = None,
+) -> Measured:
+    """The flow of a film with all stages; arguments and errors as of `granpinn.film`."""
+    tell = report or (lambda line: None)
+    grain = _grain(settings)
+    frames = opened([sources] if isinstance(sources, str | Path) else list(sources))
+    frames.region = _region(settings.roi)
+    pictures = frames.sample(SAMPLES)
+    rows, columns = pictures[0].shape
+    view = _view(settings.mask, frames, (rows, columns))
+    segmentation = segmented(pictures, grain)
+    tell(f"film: {frames.count} frames of {columns} x {rows} px, grains of {grain:.3g} px")
+    film = survey(frames, lambda p: segmentation.grains(p, view), grain)
+    judgement = judged(film, frames)
+    for text in judgement.said:
+        warnings.warn(text, FlowFileWarning, stacklevel=4)
+    centers, reach = _centers(judgement, settings)
+    parts, fields, levels = _vectors(frames, centers, reach, segmentation, view, grain)
+    said = _said(judgement, [*parts.values()], segmentation)
+    for text in said:
+        tell(text)
+    times = np.array([*parts], float)
+    kept = [v.kept() for v in parts.values()]
+    t = np.repeat(times, [v.x.size for v in kept])
+    names = ("x", "y", "u", "v", "sd")
+    x, y, u, v, sd = (np.concatenate([getattr(part, name) for part in kept]) for name in names)
+    angle = units.si(settings.tilt, "angle", "--tilt")
+    _require_falling(u, v, angle, judgement.acceleration, settings)
+    line = given = None
+    if segmentation.useful and settings.surface == "auto":
+        line = traced(np.stack(levels), times, grain, (rows, columns), view, angle)
+    if line is not None:  # pixel 0 reaches from 0 to 1 in the line; its center is 0 in the vectors
+        given = line.t, line.x - 0.5, rows - line.y - 0.5
+        d = units.si(settings.grain_diameter or "", "length", "--grain-diameter")
+        sd_of_line = settings.surface_sd or f"{SURFACE_SD * d!r} m"
+        settings = dataclasses.replace(settings, surface_sd=sd_of_line)
+    vectors = vector_fields(
+        **{"t": t, "x": x, "y": y, "u": u, "v": v, "sigma_u": sd, "sigma_v": sd.copy()},
+        length_unit="px",
+        time_unit="frame",
+        velocity_unit="px/frame",
+        y_down=True,
+        facts={"format": "film, features by OpenCV", "opencv": cv2.__version__},
+    )
+    flow = convert(vectors, _settings(settings, judgement, t), report, given)
+    return Measured(flow, film, judgement, fields, line, said)
+
+
+def _grain(settings: FilmSettings) -> float:
+    """Diameter of a grain in px."""
+    missing = [
+        f"--{name.replace('_', '-')}"
+        for name in ("scale", "frame_rate", "grain_diameter")
+        if getattr(settings, name) is None
+    ]
+    if missing:
+        raise DataFileError(
+            f"a film needs {', '.join(missing)}, got none: give them as --scale '0.12 mm/px' "
+            "--frame-rate '1500 Hz' --grain-diameter '0.8 mm'"
+        )
+    d = units.si(settings.grain_diameter or "", "length", "--grain-diameter")
+    grain = d / units.scale(settings.scale or "")
+    if not 2 <= grain <= 100:
+        raise DataFileError(
+            f"a grain must be 2 to 100 px wide, got {grain:.3g} px: check --scale and "
+            "--grain-diameter, or film from another distance"
+        )
+    return grain
+
+
+def _region(roi: str | None) -> tuple[slice, slice]:
+    if roi is None:
+        return slice(None), slice(None)
+    try:
+        columns, rows = (slice(*(int(n) for n in part.split(":"))) for part in roi.split(","))
+        good = all(0 <= s.start < s.stop and s.step is None for s in (rows, columns))
+    except (ValueError, TypeError):
+        good = False
+    if not good:
+        raise DataFileError(f"--roi must be LEFT:RIGHT,TOP:BOTTOM in px, got {roi!r}")
+    return rows, columns
+
+
+def _view(mask: str | None, frames: Frames, shape: tuple[int, ...]) -> Picture | None:
+    """Not 0 where the mask image is bright."""
+    if mask is None:
+        return None
+    image = read_file("frames", Path(mask))["frames"][0][frames.region]
+    if image.shape != shape:
+        raise DataFileError(
+            f"--mask must have the {list(shape)} pixels of the film, got {list(image.shape)}"
+        )
+    return np.where(image > image.max() / 2, 255, 0).astype(np.uint8)
+
+
+def _centers(judgement: Judgement, settings: FilmSettings) -> tuple[list[int], Int64]:
+    """Frames that get vectors, and for every frame the largest h [T]."""
+    ends = np.flatnonzero(~judgement.joined)
+    count = judgement.whole.size
+    index = np.arange(count)
+    before = index - ends[np.searchsorted(ends, index, side="right") - 1]
+    later = np.append(ends, count)[np.searchsorted(ends, index, side="right")] - 1 - index
+    reach = np.where(judgement.whole, np.minimum(before, later), 0)
+    since = np.floor(index - (judgement.release or 0.0)).astype(int)
+    reach = np.minimum(reach, np.maximum(since, 0))  # grains at rest are no part of the motion
+    good = reach > 0
+    if settings.frames is not None:
+        good &= np.isin(index, index[frames_of(settings.frames)])
+    centers = np.flatnonzero(good)
+    if settings.frames is None and centers.size > MAX_FIELDS:
+        centers = centers[np.linspace(0, centers.size - 1, MAX_FIELDS).astype(int)]
+    if centers.size < settings.fewest_frames:
+        raise DataFileError(
+            f"{settings.fewest_words} between whole frames must show the flow, got {centers.size}: "
+            "give more frames"
+        )
+    return centers.tolist(), reach
+
+
+def _vectors(
+    frames: Frames,
+    centers: list[int],
+    reach: Int64,
+    segmentation: Segmentation,
+    view: Picture | None,
+    grain: float,
+) -> tuple[dict[int, Vectors], list[Field], list[Any]]:
+    """The second pass: vectors, by their frame, and level of grains; few frames in memory."""
+    shown = {centers[int(s * len(centers))] for s in SHOWN}
+    parts: dict[int, Vectors] = {}
+    fields, levels = [], []
+    ring: deque[Picture | None] = deque(maxlen=2 * LONGEST + 1)
+    wanted = set(centers)
+    following = itertools.chain((frame.picture for frame in frames), [None] * LONGEST)
+    for k, picture in enumerate(following):
+        ring.append(picture)
+        c = k - LONGEST
+        if c not in wanted:
+            continue
+        now = {i - (len(ring) - 1 - LONGEST): p for i, p in enumerate(ring) if p is not None}
+        where = segmentation.grains(now[0], view)
+        vectors = velocities(now, grain, where, int(reach[c]))
+        if vectors.good.sum() < FEWEST:
+            continue
+        parts[c] = vectors
+        levels.append(segmentation.level(now[0]))
+        if c in shown:
+            fields.append(Field(c, now[0], vectors))
+    if len(parts) < 2:
+        raise DataFileError(
+            f"at least two frames must have {FEWEST} vectors in the grains, got {len(parts)}: "
+            "check --scale and --grain-diameter, the light and the sharpness of the film"
+        )
+    return parts, fields, levels
+
+
+def _require_falling(
+    u: Float64, v: Float64, angle: float, acceleration: float, settings: FilmSettings
+) -> None:
+    """Refuses a film in which grains rise or gain speed faster than in a free fall.
+
+    Warns of an acceleration after the release that is a small part of gravity.
+    """
+    gravity = units.si(settings.gravity, "acceleration", "--gravity")
+    frame = units.frame_time(settings.frame_rate or "", "--frame-rate")
+    share = acceleration * units.scale(settings.scale or "") / frame**2 / gravity
+    said = (
+        f"the grains gain speed with {share:.2g} times gravity after the release, expected {SLOW} "
+        f"to {FAST}: check --frame-rate, whose square is in it, and --scale"
+    )
+    if share < SLOW:
+        warnings.warn(said, FlowFileWarning, stacklevel=5)
+    if share > FAST and not settings.force:
+        raise DataFileError(f"{said}, or give --force")
+    down = np.mean(math.sin(angle) * u + math.cos(angle) * v)
+    if down < -RISING * math.sqrt(np.mean(u**2 + v**2)) and not settings.force:
+        raise DataFileError(
+            "grains must fall on the average, but they rise: turn the pictures the right way up, "
+            "check --tilt and the order of the frames, or give --force"
+        )
+
+
+def _said(judgement: Judgement, parts: list[Vectors], segmentation: Segmentation) -> list[str]:
+    """How frames were paired, how many vectors passed, the release and the segmentation."""
+    good = np.concatenate([v.good for v in parts])
+    steps, counts = np.unique(np.concatenate([v.step for v in parts])[good], return_counts=True)
+    shares = counts / good.sum()
+    pairs = ", ".join(f"{2 * h} frames: {n:.0%}" for h, n in zip(steps, shares, strict=True))
+    release = judgement.release
+    kind = "texture" if segmentation.texture else "brightness"
+    return [
+        f"vectors in {len(parts)} frames, {good.sum()} kept and {(~good).sum()} rejected; time "
+        f"between their first and last image, chosen by region: {pairs}",
+        "the grains move from the first frame on; if they start from rest, give --start"
+        if release is None
+        else f"the grains are released at frame {release:.1f}",
+        f"grains are found by {kind}: {segmentation.separated:.0%} of the contrast is theirs"
+        if segmentation.useful
+        else "the picture shows no background: the surface is that of the vectors",
+    ]
+
+
+def _settings(settings: FilmSettings, judgement: Judgement, t: Float64) -> Settings:
+    """The settings of the conversion: times count from the release."""
+    changes: dict[str, Any] = {"mask": None, "frames": None}
+    frame = units.frame_time(settings.frame_rate or "", "--frame-rate")
+    if settings.start is not None:  # of the first frame of the film
+        zero = units.si(settings.start, "time", "--start")
+        changes["start"] = f"{zero + t.min() * frame!r} s"
+    else:
+        changes["start"] = f"{float(t.min() - (judgement.release or 0.0)) * frame!r} s"
+    if settings.surface in ("mask", "fraction"):
+        raise DataFileError(f"--surface {settings.surface} is not for films: leave it out")
+    names = [f.name for f in dataclasses.fields(Settings)]
+    return Settings(**({n: getattr(settings, n) for n in names} | changes))

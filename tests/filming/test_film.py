@@ -1,0 +1,257 @@
+"""A film of a layer that is sheared: vectors, surface, release, faults, page and command."""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+import granpinn
+from granpinn.data import read_flow
+from granpinn.filming import FilmSettings, measured
+from granpinn.filming.frames import opened
+from granpinn.filming.segmentation import segmented
+from granpinn.filming.tracking import follow
+from granpinn.importers import DataFileError
+
+ROWS, COLUMNS, TOP = 120, 200, 40  # px; the grains lie below row TOP
+GRAIN = 6.0  # px
+STILL = 5  # frames before the release
+LAB: dict[str, Any] = {
+    "scale": "0.1 mm/px",
+    "frame_rate": "300 Hz",
+    "grain_diameter": "0.6 mm",
+    "grain_density": "2500 kg/m^3",
+    "solid_fraction": 0.6,
+    "tilt": "30 deg",
+    "origin": f"0,{ROWS - 1}",
+}
+
+
+def speed(y: Any, k: float) -> Any:
+    """Of the layer to the right, px/frame: faster at the top, and with time."""
+    return 0.03 * (ROWS - y) * min(max(k - STILL, 0) / 4, 1.0)
+
+
+def frame(k: int) -> Any:
+    """Frame k: a texture that moves along x by the integral of `speed`, and noise."""
+    random = np.random.default_rng(5)
+    texture = gaussian_filter(random.standard_normal((ROWS, 3 * COLUMNS)), 1.5, mode="wrap")
+    rows, columns = np.mgrid[:ROWS, :COLUMNS]
+    moved = sum(speed(rows + 0.0, i + 0.5) for i in range(k))
+    grains = map_coordinates(texture, [rows, columns - moved], order=3, mode="grid-wrap")
+    picture = np.where(rows < TOP, 10.0, 120 + 50 * grains / texture.std())
+    noisy = picture + 2 * np.random.default_rng(k).standard_normal(picture.shape)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+@pytest.fixture(scope="session")
+def shot() -> list[Any]:
+    return [frame(k) for k in range(24)]
+
+
+def save(pictures: list[Any], folder: Path) -> str:
+    folder.mkdir(exist_ok=True)
+    for k, picture in enumerate(pictures):
+        cv2.imwrite(str(folder / f"f_{k:03d}.png"), picture)
+    return str(folder / "*.png")
+
+
+def test_velocity_surface_and_release(shot: list[Any], tmp_path: Path) -> None:
+    """The chain on a known motion; errors are held to a few of the stated deviations."""
+    found = measured(save(shot, tmp_path / "a"), FilmSettings(**LAB))
+    field = found.fields[-1]
+    good = field.vectors.kept()
+    error = good.u - speed(good.y, field.number)
+    assert good.x.size > 200
+    assert np.sqrt(np.mean(error**2)) < 0.05 * speed(TOP, field.number)
+    assert np.mean(np.abs(good.v) < 3 * good.sd) > 0.9
+    assert found.judgement.release == pytest.approx(STILL, abs=1.5)
+    assert found.line is not None
+    assert abs(np.median(found.line.y) - (ROWS - TOP)) < GRAIN / 2
+    assert not found.judgement.said
+    flow = found.flow
+    assert flow.particles is not None
+    assert flow.particles.sigma_u is not None
+    assert flow.particles.u.max() == pytest.approx(speed(TOP, 20) * 1e-4 * 300, rel=0.1)
+    assert flow.stated("surface_sd") == pytest.approx(0.1 * 0.6e-3)
+    assert flow.t[0] > 0
+
+
+def test_slow_regions_get_a_longer_time(shot: list[Any], tmp_path: Path) -> None:
+    field = measured(save(shot, tmp_path / "a"), FilmSettings(**LAB)).fields[-1]
+    good = field.vectors.kept()
+    low, high = (np.median(good.step[m]) for m in (good.y > ROWS - 20, good.y < TOP + 20))
+    assert low > high
+    assert (2 * good.step * np.abs(good.u)).max() < 12
+
+
+def test_command_writes_flow_and_page(
+    shot: list[Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "flow.h5"
+    flags = [f"--{name.replace('_', '-')}={value}" for name, value in LAB.items()]
+    command = importlib.import_module("granpinn.commands.film")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        code = command.main(
+            [save(shot, tmp_path / "a"), "--out", str(out), "--force", "--steady", *flags]
+        )
+    captured = capsys.readouterr()
+    assert code == 0, captured.err
+    assert "chosen by region" in captured.out
+    assert read_flow(out).particles is not None
+    page = out.with_suffix(".html").read_text()
+    assert page.count("<img") == 5
+    assert "http" not in page.replace("http-equiv", "")
+
+
+def repeated(pictures: list[Any]) -> list[Any]:
+    return [*pictures[:15], pictures[14], *pictures[15:]]
+
+
+def lost(pictures: list[Any]) -> list[Any]:
+    return [*pictures[:14], *pictures[16:]]
+
+
+def shifted(pictures: list[Any]) -> list[Any]:
+    return [*pictures[:15], *(np.roll(p, 3, axis=0) for p in pictures[15:])]
+
+
+def flickering(pictures: list[Any]) -> list[Any]:
+    return [*pictures[:15], (pictures[15] * 0.8).astype(np.uint8), *pictures[16:]]
+
+
+def blurred(pictures: list[Any]) -> list[Any]:
+    return [*pictures[:15], cv2.GaussianBlur(pictures[15], (0, 0), 3), *pictures[16:]]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (repeated, "frame 15 .*repeated"),
+        (lost, "frame 14 .*lost"),
+        (shifted, "frame 15 .*camera moved"),
+        (flickering, "frame 15 .*flickers"),
+        (blurred, "frame 15 .*blurred"),
+    ],
+)
+def test_faults_are_named(
+    shot: list[Any], tmp_path: Path, spoil: Callable[[list[Any]], list[Any]], said: str
+) -> None:
+    with pytest.warns(UserWarning, match=said):
+        granpinn.film(save(spoil(shot), tmp_path / "a"), **LAB)
+
+
+def upside_down(pictures: list[Any]) -> list[Any]:
+    return [p[::-1, ::-1].copy() for p in pictures]
+
+
+def uniform(pictures: list[Any]) -> list[Any]:
+    random = np.random.default_rng(1)
+    return [(100 + random.integers(0, 2, p.shape)).astype(np.uint8) for p in pictures]
+
+
+def too_fast(pictures: list[Any]) -> list[Any]:
+    random = np.random.default_rng(1)
+    return [random.permutation(p[TOP:].ravel()).reshape(p[TOP:].shape) for p in pictures]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (upside_down, "grains must fall"),
+        (uniform, "texture|found again"),
+        (too_fast, "found again|px from frame"),
+        (lambda p: [p[0]] * 12, "the grains must move"),
+    ],
+)
+def test_impossible_films_are_refused(
+    shot: list[Any], tmp_path: Path, spoil: Callable[[list[Any]], list[Any]], said: str
+) -> None:
+    with pytest.raises(DataFileError, match=said):
+        granpinn.film(save(spoil(shot), tmp_path / "a"), **LAB)
+
+
+def test_a_broken_frame_is_named_and_the_rest_goes_on(shot: list[Any], tmp_path: Path) -> None:
+    pattern = save(shot, tmp_path / "a")
+    (tmp_path / "a" / "f_015.png").write_bytes(b"\x89PNG no picture")
+    with pytest.warns(UserWarning, match=r"frame 15 \(f_015.png\) is left out"):
+        flow = granpinn.film(pattern, **LAB)
+    assert flow.particles is not None
+
+
+def test_a_video_has_the_frames_of_its_images(shot: list[Any], tmp_path: Path) -> None:
+    path = tmp_path / "a.avi"
+    code = cv2.VideoWriter.fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(path), code, 25, (COLUMNS, ROWS), isColor=False)
+    for picture in shot:
+        writer.write(picture)
+    writer.release()
+    frames = opened([path])
+    found = [f.picture for f in frames]
+    assert len(found) == frames.count == len(shot)
+    for picture, expected in zip(found, shot, strict=True):
+        assert picture is not None
+        assert np.abs(picture.astype(int) - expected).mean() < 4
+    assert len(frames.sample(3)) == 3
+
+
+def test_deep_pictures_and_regions(shot: list[Any], tmp_path: Path) -> None:
+    """12 bits in files of 16, and a part of every picture."""
+    deep = [p.astype(np.uint16) * 16 for p in shot[:4]]
+    frames = opened([save(deep, tmp_path / "a")])
+    frames.region = slice(10, 60), slice(0, 50)
+    assert frames.sample(1)[0] == pytest.approx(shot[0][10:60, :50], abs=255)
+    assert frames.sample(1)[0].dtype == np.uint8
+
+
+def test_a_frame_rate_that_is_too_low_is_named(shot: list[Any], tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match=r"with 0.005\d* times gravity .*frame.rate"):
+        granpinn.film(save(shot, tmp_path / "a"), **(LAB | {"frame_rate": "30 Hz"}))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"frame_rate": "3000 Hz"}, "times gravity .*frame.rate"),
+        ({"scale": None}, "needs scale"),
+        ({"scale": "1 um/px"}, "2 to 100 px"),
+        ({"roi": "5:1,2:3"}, "LEFT:RIGHT"),
+        ({"roi": "500:600,0:90"}, "leaves nothing"),
+        ({"frames": "a:b"}, "FIRST:LAST:STEP"),
+        ({"columns": "x=a"}, "unknown setting columns"),
+        ({"mask": "small.png"}, "mask must have"),
+    ],
+)
+def test_settings(
+    shot: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Any, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    cv2.imwrite("small.png", shot[0][:9])
+    with pytest.raises(DataFileError, match=said):
+        granpinn.film(save(shot, tmp_path / "a"), **(LAB | change))
+
+
+def test_subpixel_shift_is_found(shot: list[Any]) -> None:
+    """A picture moved by a known part of a pixel, by another interpolation than the tracker's."""
+    matrix = np.array([[1, 0, 1.3], [0, 1, -0.6]], np.float32)
+    moved = cv2.warpAffine(shot[0], matrix, (COLUMNS, ROWS), flags=cv2.INTER_CUBIC)
+    places = np.stack(np.meshgrid(np.arange(30, 170, 20.0), np.arange(60, 100, 10.0)), -1)
+    found = follow(shot[0], moved, places.reshape(-1, 2), 11)
+    assert np.median(found.moved, axis=0) == pytest.approx([1.3, -0.6], abs=0.05)
+
+
+def test_dark_grains_before_a_bright_wall_are_the_rough_class(shot: list[Any]) -> None:
+    found = segmented([255 - p for p in shot[::8]], GRAIN)
+    assert found.useful
+    level = found.level(255 - shot[0])
+    assert level[-3:].mean() > 0.6
+    assert level[:5].mean() < 0.1
