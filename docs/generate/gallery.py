@@ -72,7 +72,7 @@ CASES = {
         "Tracked grains",
         "Positions and velocities of grains in millimetres, with noise and lost grains. `convert` "
         "traces the free surface from their density.",
-        ("python -m bench.studies.experiment.tracks particles --out tracks.json",),
+        ("python -m bench.studies.experiment.tracks particles",),
         of_run("particles/run", "velocity", "friction_law"),
     ),
     "ensemble": Case(
