@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import PercentFormatter
+from matplotlib.ticker import LogLocator, PercentFormatter
 
 from granpinn.arrays import Floats
 from granpinn.figures.style import (
@@ -116,6 +116,7 @@ def draw_law(curve: Axes, result: Result) -> str:
         what = "curve" if found.curve is None else "90 % band"
         caption += f". The {what} is {NOT_DETERMINED}: {found.reason}"
     curve.set_xscale("log")
+    curve.xaxis.set_minor_locator(LogLocator(subs=(2, 5)))
     curve.set_ylabel(r"$\mu(I)$")
     if curve.get_legend_handles_labels()[1]:
         curve.legend(loc="upper left")
@@ -192,6 +193,7 @@ def _histogram_of_I(axes: Axes, fields: Fields) -> None:
         I[moving], I_EDGES, weights=share[moving], histtype="step", color=BLUE, label="flowing"
     )
     axes.set_xscale("log")
+    axes.xaxis.set_minor_locator(LogLocator(subs=(2, 5)))
     axes.set_xlabel("inertial number $I$")
     axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
     axes.legend(loc="upper left")
