@@ -225,7 +225,11 @@ def test_what_is_not_known_is_said() -> None:
 )
 def test_an_I0_that_was_identified(truth: Truth | None, words: str) -> None:
     parameters = Parameters(PARAMETERS | {"I0": Parameter(0.3, False, 0.02, (0.27, 0.33))})
-    text = render(make_result(parameters=parameters, truth=truth)).text
+    members = make_result().members
+    assert members is not None
+    I0 = {"I0": (0.3,) * len(members.seed)}
+    members = replace(members, values=members.values | I0)
+    text = render(make_result(parameters=parameters, truth=truth, members=members)).text
     assert f"I0 0.300 ± 0.020 {words}" in text
     assert "I0 0.3000 0.0200 0.2700 to 0.3300" in text
     assert "What they do not mean" not in text
