@@ -258,7 +258,7 @@ def test_the_solution_is_the_average_of_the_end(flow: Flow) -> None:
 
 
 @pytest.mark.parametrize(
-    ("checks", "members", "kept"), [("quick", 1, 6.0), ("none", 1, 0.0), ("all", 2, 8.0)]
+    ("checks", "members", "kept"), [("quick", 1, 8.0), ("none", 1, 0.0), ("all", 2, 10.0)]
 )
 def test_a_time_limit_keeps_time_for_the_checks_that_are_made(
     checks: str, members: int, kept: float, flow: Flow, monkeypatch: pytest.MonkeyPatch
