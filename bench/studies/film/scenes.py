@@ -63,6 +63,15 @@ def _field(flow: Flow) -> VelocityField:
     return VelocityField(dataclasses.replace(flow, t=t, y=y, c=c, u=u, v=v, p=None))
 
 
+def _shot(flow: Flow, pixel: float, frames: int, fastest: float, before: int, **more: Any) -> Shot:
+    """A film of up to `frames` frames, `before` of them at rest; the fastest grains move by
+    `fastest` px per frame, or less if the flow would end before the film."""
+    speed = float(np.nanpercentile(np.hypot(flow.u, flow.v), 99.5))
+    rate = max(speed / (fastest * pixel), (frames - before) / float(flow.t[-1]))
+    count = min(frames, before + int(flow.t[-1] * rate))
+    return Shot(pixel=pixel, rate=rate, first=-before, frames=count, **more)
+
+
 def collapse(
     seed: int,
     grain: float = 6.0,
@@ -87,18 +96,12 @@ def collapse(
     )
     flow = column(256, 160, like)
     pixel = HEIGHT / (across * grain)
-    speed = float(np.nanpercentile(np.hypot(flow.u, flow.v), 99.5))
-    rate = max(speed / (fastest * pixel), (frames - before) / float(flow.t[-1]))
-    shot = Shot(
-        pixel=pixel,
-        grain=grain,
-        rate=rate,
-        first=-before,
-        frames=min(frames, before + int(flow.t[-1] * rate)),
-        rows=math.ceil(1.05 * HEIGHT / pixel) + MARGIN,
-        columns=math.ceil(float(flow.x[-1]) / pixel) + MARGIN,
-        seed=seed,
-    )
+    size = {
+        "rows": math.ceil(1.05 * HEIGHT / pixel) + MARGIN,
+        "columns": math.ceil(float(flow.x[-1]) / pixel) + MARGIN,
+    }
+    more: Any = {"grain": grain, "seed": seed, **size}
+    shot = _shot(flow, pixel, frames, fastest, before, **more)
     return Scene(flow, _field(flow), dataclasses.replace(shot, **film))
 
 
@@ -134,17 +137,7 @@ def chute(
         time_unit="s",
     )
     flow = simulate(like)
-    speed = float(np.nanpercentile(np.hypot(flow.u, flow.v), 99.5))
-    rate = max(speed / (fastest * pixel), (frames - before) / float(flow.t[-1]))
-    shot = Shot(
-        pixel=pixel,
-        grain=grain,
-        rate=rate,
-        first=-before,
-        frames=min(frames, before + int(flow.t[-1] * rate)),
-        rows=math.ceil(1.1 * HEIGHT / 2 / pixel) + MARGIN,
-        columns=int(wide / pixel),
-        seed=seed,
-        period=like.period,
-    )
+    size = {"rows": math.ceil(1.1 * HEIGHT / 2 / pixel) + MARGIN, "columns": int(wide / pixel)}
+    more: Any = {"grain": grain, "seed": seed, "period": like.period, **size}
+    shot = _shot(flow, pixel, frames, fastest, before, **more)
     return Scene(flow, _field(flow), dataclasses.replace(shot, **film), tilt=angle)
