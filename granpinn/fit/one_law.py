@@ -21,7 +21,7 @@ from granpinn.uncertainty import curve
 from granpinn.uncertainty.determined import LARGEST, Range, applied, determined_over
 from granpinn.uncertainty.error_bars import estimate, sd_of
 from granpinn.uncertainty.error_model import Known, Pair, ends_of, load
-from granpinn.uncertainty.expected import NOISE_OF_I0, expected_of
+from granpinn.uncertainty.expected import expected_of, too_noisy
 
 STEPS_OF_I0 = 100_000  # with them error bars of I0 hold (bench/studies/one_law)
 
@@ -44,11 +44,8 @@ def with_free_I0(cases: Sequence[Case]) -> tuple[list[Case], str | None]:
     share = f"the expected error of I0 from the ranges of I of all flows is {100 * sd:.2g} %"
     if sd > LARGEST["I0"]:
         return list(cases), f"I0 is held at {usual:g}: {share}"
-    if (noise := max(flow.noise for flow in known)) > NOISE_OF_I0:
-        return list(cases), (
-            f"I0 is held at {usual:g}: the noise of a flow is {100 * noise:.2g} % of its speed, "
-            f"and error bars of I0 hold up to {100 * NOISE_OF_I0:g} %"
-        )
+    if (reason := too_noisy(known)) is not None:
+        return list(cases), f"I0 is held at {usual:g}: {reason}"
     free = law.with_free({"I0": usual})
     fixed = {name: value for name, value in cases[0].member.fixed.items() if name != "I0"}
     made = [

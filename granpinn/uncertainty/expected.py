@@ -49,6 +49,17 @@ def _of_range(I_range: tuple[float, float], real: bool) -> Known:
     return Known(ends_of(I_range, I0), (mu_s, mu_2), real=real, I0=I0)
 
 
+def too_noisy(flows: Sequence[Known]) -> str | None:
+    """Why error bars of an identified I0 would not hold, in words; None if they hold."""
+    noise = max(flow.noise for flow in flows)
+    if noise <= NOISE_OF_I0:
+        return None
+    return (
+        f"the noise of a flow is {100 * noise:.2g} % of its speed, and error bars of I0 hold up to "
+        f"{100 * NOISE_OF_I0:g} %"
+    )
+
+
 def experiments() -> dict[str, tuple[float, float]]:
     """The ranges of I of standard experiments with the usual law, by their names."""
     mu_s, mu_2, I0 = (p.typical for p in mu_of_i.LAW.parameters)
@@ -93,11 +104,8 @@ def lines(flows: Sequence[Flow]) -> list[str]:
     real = any(flow.real for flow in every)
     for name, I_range in experiments().items():
         text.append(_row(f"and a {name}", percent([*every, _of_range(I_range, real)])))
-    if (noise := max(flow.noise for flow in every)) > NOISE_OF_I0:
-        text.append(
-            f"a training holds I0: the noise of a flow is {100 * noise:.2g} % of its speed, and "
-            f"error bars of I0 hold up to {100 * NOISE_OF_I0:g} %"
-        )
+    if (reason := too_noisy(every)) is not None:
+        text.append(f"a training holds I0: {reason}")
     return text
 
 
