@@ -45,7 +45,7 @@ EXAMPLES = """examples:
 WALLS = {name: f"side_walls.{name}" for name in settings_of(SideWalls)}  # as in a run
 
 
-class Request(NamedTuple):
+class InspectRequest(NamedTuple):
     """What a command line gives."""
 
     data: list[Path]
@@ -79,7 +79,7 @@ def parser() -> Parser:
     return made
 
 
-def parse(argv: Sequence[str]) -> Request:
+def parse(argv: Sequence[str]) -> InspectRequest:
     """The request of a command line; the message of ConfigError is one sentence."""
     given = vars(parser().parse_args(argv))
     data, out, as_json = (given.pop(name) for name in ("data", "out", "json"))
@@ -97,7 +97,7 @@ def parse(argv: Sequence[str]) -> Request:
         raise ConfigError(
             f"expected one flow file with --json or --out, got {len(data)}: inspect one at a time"
         )
-    return Request(data, out, as_json, law, SideWalls(**walls))
+    return InspectRequest(data, out, as_json, law, SideWalls(**walls))
 
 
 def _require_flow_file(paths: list[Path]) -> None:

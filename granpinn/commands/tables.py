@@ -46,7 +46,7 @@ PASSED = ("recipe", "device", "steps", "max_time", "dtype", "seed", "members", "
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class TablesSettings:
     """The settings that granpinn.train does not have, or has for one training only."""
 
     noise_on: Literal["reference", "all"] = setting(
@@ -61,7 +61,7 @@ class Settings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Request(Settings):
+class TablesRequest(TablesSettings):
     """What a command line gives.
 
     Attributes:
@@ -76,7 +76,7 @@ class Request(Settings):
     config: Config
 
 
-OWN = settings_of(Settings)
+OWN = settings_of(TablesSettings)
 
 
 def parser() -> Parser:
@@ -118,7 +118,7 @@ def parser() -> Parser:
     return made
 
 
-def parse(argv: Sequence[str]) -> Request:
+def parse(argv: Sequence[str]) -> TablesRequest:
     """The request of a command line; the message of ConfigError is one sentence."""
     given = vars(parser().parse_args(argv))
     if "out" not in given:
@@ -144,7 +144,7 @@ def parse(argv: Sequence[str]) -> Request:
         raise ConfigError("--stride is for simulated flows, but flow files are given: leave it out")
     if objection := objection_to_folder(given["out"]):
         raise ConfigError(f"--out {objection}")
-    return Request(
+    return TablesRequest(
         out=given["out"],
         paths=paths,
         noise=tuple(
@@ -171,7 +171,7 @@ def run(argv: Sequence[str]) -> int:
         return _run(request, rank)
 
 
-def _run(request: Request, rank: int) -> int:
+def _run(request: TablesRequest, rank: int) -> int:
     listener: progress.Progress = progress.automatic() if rank == 0 else progress.Silent()
     choose_device(request.config.device)
     found = _flows(request, rank)
@@ -196,7 +196,7 @@ def _run(request: Request, rank: int) -> int:
     return 0
 
 
-def _flows(request: Request, rank: int) -> list[Flow]:
+def _flows(request: TablesRequest, rank: int) -> list[Flow]:
     """The flows; the first process simulates missing ones for all."""
     if request.paths:
         return flows.given(request.paths)

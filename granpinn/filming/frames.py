@@ -27,7 +27,7 @@ BITS = 8  # of the grey levels that are used
 FEWEST = 4  # frames of a film
 
 
-class Frame(NamedTuple):
+class FilmFrame(NamedTuple):
     """A frame, or why it cannot be read."""
 
     picture: Picture | None
@@ -35,7 +35,7 @@ class Frame(NamedTuple):
 
 
 @dataclass
-class Frames:
+class ImageSequence:
     """Frames of image files or of one video.
 
     Attributes:
@@ -66,11 +66,11 @@ class Frames:
             raise DataFileError("--roi must lie in the pictures, and it leaves nothing of them")
         return good
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[FilmFrame]:
         """All frames, at most AHEAD * BATCH of them in memory."""
         size = BATCH if self.video else 1
         with ThreadPoolExecutor(1) as pool:
-            pending: deque[Future[list[Frame]]] = deque()
+            pending: deque[Future[list[FilmFrame]]] = deque()
             for k in range(0, self.count, size):
                 pending.append(pool.submit(self._request, k, min(size, self.count - k)))
                 if len(pending) > AHEAD * BATCH / size:
@@ -78,27 +78,27 @@ class Frames:
             while pending:
                 yield from pending.popleft().result()
 
-    def _request(self, first: int, count: int) -> list[Frame]:
+    def _request(self, first: int, count: int) -> list[FilmFrame]:
         path = self.files[0 if self.video else first]
         try:
             found = _read(path, first, count)["frames"]
         except DataFileError as error:
-            return [Frame(None, str(error))] * count
-        missing = Frame(None, f"{path.name} ends or is damaged here")
+            return [FilmFrame(None, str(error))] * count
+        missing = FilmFrame(None, f"{path.name} ends or is damaged here")
         return [self._plain(a) for a in found] + [missing] * (count - len(found))
 
-    def _plain(self, levels: Any) -> Frame:
+    def _plain(self, levels: Any) -> FilmFrame:
         """Grey levels of 8 bits, scaled as those of the first frame."""
         if self._depth is None:
             self._depth, self._shape = int(levels.max()).bit_length(), levels.shape
         if levels.shape != self._shape:
-            return Frame(None, f"it has {levels.shape} pixels, the first frame {self._shape}")
+            return FilmFrame(None, f"it has {levels.shape} pixels, the first frame {self._shape}")
         levels = levels[self.region]
         if levels.dtype == np.uint8:
-            return Frame(np.ascontiguousarray(levels))
+            return FilmFrame(np.ascontiguousarray(levels))
         if levels.dtype.kind != "u":
-            return Frame(None, f"its grey levels are {levels.dtype}, expected whole numbers")
-        return Frame(np.minimum(levels >> max(self._depth - BITS, 0), 255).astype(np.uint8))
+            return FilmFrame(None, f"its grey levels are {levels.dtype}, expected whole numbers")
+        return FilmFrame(np.minimum(levels >> max(self._depth - BITS, 0), 255).astype(np.uint8))
 
 
 def _read(path: Path, first: int, count: int) -> Any:
@@ -111,7 +111,7 @@ def _require_regular(path: Path) -> int:
     return 2**26
 
 
-def opened(sources: Sequence[str | Path]) -> Frames:
+def opened(sources: Sequence[str | Path]) -> ImageSequence:
     """The film of image files, a folder or pattern of them, or a video.
 
     Raises:
@@ -124,4 +124,4 @@ def opened(sources: Sequence[str | Path]) -> Frames:
     count = int(_read(files[0], 0, 1)["declared"]) if video else len(files)
     if count < FEWEST:
         raise DataFileError(f"a film must have at least {FEWEST} frames, got {count}: give more")
-    return Frames(files, count, video)
+    return ImageSequence(files, count, video)

@@ -18,10 +18,10 @@ import numpy as np
 from granpinn.arrays import Float64, Int64
 from granpinn.data.flow import Flow, FlowFileWarning, Surface
 from granpinn.filming import FilmSettings
-from granpinn.filming.frames import Frames, Picture, opened
+from granpinn.filming.frames import ImageSequence, Picture, opened
 from granpinn.filming.segmentation import Segmentation, segmented, traced
-from granpinn.filming.survey import Judgement, Survey, judged, survey
-from granpinn.filming.tracking import LONGEST, Vectors, velocities
+from granpinn.filming.survey import Survey, UsableFrames, judged, survey
+from granpinn.filming.tracking import LONGEST, TrackedVectors, velocities
 from granpinn.importers import DataFileError, Settings, convert, units, vector_fields
 from granpinn.importers.limits import read_file
 from granpinn.importers.source import frames_of
@@ -41,7 +41,7 @@ class Field:
 
     number: int
     picture: Picture
-    vectors: Vectors
+    vectors: TrackedVectors
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Measured:
 
     flow: Flow
     film: Survey
-    judgement: Judgement
+    judgement: UsableFrames
     fields: list[Field]
     line: Surface | None
     said: list[str]
@@ -147,7 +147,7 @@ def _region(roi: str | None) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _view(mask: str | None, frames: Frames, shape: tuple[int, ...]) -> Picture | None:
+def _view(mask: str | None, frames: ImageSequence, shape: tuple[int, ...]) -> Picture | None:
     """Not 0 where the mask image is bright."""
     if mask is None:
         return None
@@ -159,7 +159,7 @@ def _view(mask: str | None, frames: Frames, shape: tuple[int, ...]) -> Picture |
     return np.where(image > image.max() / 2, 255, 0).astype(np.uint8)
 
 
-def _centers(judgement: Judgement, settings: FilmSettings) -> tuple[list[int], Int64]:
+def _centers(judgement: UsableFrames, settings: FilmSettings) -> tuple[list[int], Int64]:
     """Frames that get vectors, and for every frame the largest h [T]."""
     ends = np.flatnonzero(~judgement.joined)
     count = judgement.whole.size
@@ -184,16 +184,16 @@ def _centers(judgement: Judgement, settings: FilmSettings) -> tuple[list[int], I
 
 
 def _vectors(
-    frames: Frames,
+    frames: ImageSequence,
     centers: list[int],
     reach: Int64,
     segmentation: Segmentation,
     view: Picture | None,
     grain: float,
-) -> tuple[dict[int, Vectors], list[Field], list[Any]]:
+) -> tuple[dict[int, TrackedVectors], list[Field], list[Any]]:
     """The second pass: vectors, by their frame, and level of grains; few frames in memory."""
     shown = {centers[int(s * len(centers))] for s in SHOWN}
-    parts: dict[int, Vectors] = {}
+    parts: dict[int, TrackedVectors] = {}
     fields, levels = [], []
     ring: deque[Picture | None] = deque(maxlen=2 * LONGEST + 1)
     wanted = set(centers)
@@ -246,7 +246,9 @@ def _require_falling(
         )
 
 
-def _said(judgement: Judgement, parts: list[Vectors], segmentation: Segmentation) -> list[str]:
+def _said(
+    judgement: UsableFrames, parts: list[TrackedVectors], segmentation: Segmentation
+) -> list[str]:
     """How frames were paired, how many vectors passed, the release and the segmentation."""
     good = np.concatenate([v.good for v in parts])
     steps, counts = np.unique(np.concatenate([v.step for v in parts])[good], return_counts=True)
@@ -266,7 +268,7 @@ def _said(judgement: Judgement, parts: list[Vectors], segmentation: Segmentation
     ]
 
 
-def _settings(settings: FilmSettings, judgement: Judgement, t: Float64) -> Settings:
+def _settings(settings: FilmSettings, judgement: UsableFrames, t: Float64) -> Settings:
     """The settings of the conversion: times count from the release."""
     changes: dict[str, Any] = {"mask": None, "frames": None}
     frame = units.frame_time(settings.frame_rate or "", "--frame-rate")
@@ -277,5 +279,4 @@ def _settings(settings: FilmSettings, judgement: Judgement, t: Float64) -> Setti
         changes["start"] = f"{float(t.min() - (judgement.release or 0.0)) * frame!r} s"
     if settings.surface in ("mask", "fraction"):
         raise DataFileError(f"--surface {settings.surface} is not for films: leave it out")
-    names = [f.name for f in dataclasses.fields(Settings)]
-    return Settings(**({n: getattr(settings, n) for n in names} | changes))
+    return dataclasses.replace(settings, **changes)

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float64
-from granpinn.filming.frames import Frames, Picture
+from granpinn.filming.frames import ImageSequence, Picture
 from granpinn.filming.tracking import LARGEST, features, follow, side_of_window
 from granpinn.importers.vectors import DataFileError
 
@@ -55,8 +55,8 @@ class Survey:
 
 
 @dataclass
-class Judgement:
-    """What follows for the measurement.
+class UsableFrames:
+    """The frames that can be measured, the release, and the faults of the film.
 
     Attributes:
         whole: frames that can be used [T].
@@ -73,7 +73,7 @@ class Judgement:
     said: list[str]
 
 
-def survey(frames: Frames, grains: Callable[[Picture], Picture], grain: float) -> Survey:
+def survey(frames: ImageSequence, grains: Callable[[Picture], Picture], grain: float) -> Survey:
     """Looks at every frame once.
 
     Args:
@@ -108,7 +108,7 @@ def survey(frames: Frames, grains: Callable[[Picture], Picture], grain: float) -
     return found
 
 
-def judged(film: Survey, frames: Frames) -> Judgement:
+def judged(film: Survey, frames: ImageSequence) -> UsableFrames:
     """Faults of the film, and the release.
 
     Raises:
@@ -142,7 +142,7 @@ def judged(film: Survey, frames: Frames) -> Judgement:
     joined = whole & ~(repeated | lost | shifted)
     joined[1:] &= whole[:-1]
     joined[0] = False
-    return Judgement(whole & ~blurred & ~flicker, joined, *_release(film.fast), said)
+    return UsableFrames(whole & ~blurred & ~flicker, joined, *_release(film.fast), said)
 
 
 def _require_motion(film: Survey) -> None:

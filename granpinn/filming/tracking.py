@@ -39,7 +39,7 @@ ROUNDING, SCATTER = 0.01, 0.8  # deviation by the lattice, px; part of the varia
 _STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.003)
 
 
-class Motion(NamedTuple):
+class Displacements(NamedTuple):
     """Displacements [n, 2], and whether they come back to where they began [n]."""
 
     moved: npt.NDArray[np.float32]
@@ -47,7 +47,7 @@ class Motion(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Vectors:
+class TrackedVectors:
     """Vectors of one frame, each [n].
 
     Attributes:
@@ -66,9 +66,9 @@ class Vectors:
     step: Int64
     good: Bool
 
-    def kept(self) -> Vectors:
+    def kept(self) -> TrackedVectors:
         """The vectors that passed all tests."""
-        return Vectors(**{f.name: getattr(self, f.name)[self.good] for f in fields(self)})
+        return TrackedVectors(**{f.name: getattr(self, f.name)[self.good] for f in fields(self)})
 
 
 def side_of_window(grain: float) -> int:
@@ -91,14 +91,14 @@ def follow(
     window: int,
     guess: Float64 | None = None,
     levels: int = 3,
-) -> Motion:
+) -> Displacements:
     """Follows places [n, 2] from one picture to another and back.
 
     Args:
         guess: displacements [n, 2]; none: the search begins where they are.
     """
     if len(places) == 0:
-        return Motion(np.zeros((0, 2), np.float32), np.zeros(0, bool))
+        return Displacements(np.zeros((0, 2), np.float32), np.zeros(0, bool))
     start = places.astype(np.float32)
     moved = np.zeros_like(start) if guess is None else guess.astype(np.float32)
     flags = cv2.OPTFLOW_USE_INITIAL_FLOW
@@ -110,12 +110,12 @@ def follow(
     inside = (there >= 0).all(1) & (there[:, 0] < columns) & (there[:, 1] < rows)
     error = np.hypot(*(back - start).T)
     found = (seen[:, 0] == 1) & (again[:, 0] == 1) & inside & (error < MAX_RETURN)
-    return Motion(there - start, found)
+    return Displacements(there - start, found)
 
 
 def velocities(
     pictures: Mapping[int, Picture], grain: float, where: Picture, reach: int
-) -> Vectors:
+) -> TrackedVectors:
     """The vectors of the frame `pictures[0]`.
 
     Args:
@@ -145,7 +145,7 @@ def velocities(
     scatter[good] = _scatter(places[good], velocity[good])
     sd = np.sqrt((ROUNDING / step) ** 2 + SCATTER * scatter)
     (x, y), (u, v) = places.T, velocity.T
-    return Vectors(x, y, u, v, sd, scatter, step, good)
+    return TrackedVectors(x, y, u, v, sd, scatter, step, good)
 
 
 def _regions(places: Float64, moved: Float64, grain: float) -> tuple[Float64, Float64]:

@@ -27,7 +27,7 @@ FLOWING = 0.5  # D2 above which the regression is done
 SWEEPS = 60  # of the reweighting
 
 
-class Frame(NamedTuple):
+class BalanceFrame(NamedTuple):
     """Cell-centered fields [ny, nx] at a time."""
 
     t: float
@@ -50,7 +50,7 @@ class Balance(NamedTuple):
     flowing: BoolArray
 
 
-def frames(collapse: Collapse, times: Sequence[float], interval: float) -> list[list[Frame]]:
+def frames(collapse: Collapse, times: Sequence[float], interval: float) -> list[list[BalanceFrame]]:
     """Three frames, `interval` apart, around every time."""
     engine = Engine(collapse)
     triples = []
@@ -60,13 +60,13 @@ def frames(collapse: Collapse, times: Sequence[float], interval: float) -> list[
             while moment - engine.time > 1e-9:
                 engine.step(moment - engine.time)
             s = engine.state()
-            triple.append(Frame(moment, s.u_center, s.v_center, s.p, s.c))
+            triple.append(BalanceFrame(moment, s.u_center, s.v_center, s.p, s.c))
         ny, nx = np.min([frame.c.shape for frame in triple], axis=0)
-        triples.append([Frame(f.t, *(a[:ny, :nx] for a in f[1:])) for f in triple])
+        triples.append([BalanceFrame(f.t, *(a[:ny, :nx] for a in f[1:])) for f in triple])
     return triples
 
 
-def momentum_balance(triple: list[Frame], collapse: Collapse) -> Balance:
+def momentum_balance(triple: list[BalanceFrame], collapse: Collapse) -> Balance:
     """The balance at the middle of three frames."""
     s = collapse.resolved()
     assert s.eta_max is not None  # resolved
@@ -114,7 +114,7 @@ def momentum_balance(triple: list[Frame], collapse: Collapse) -> Balance:
     )
 
 
-def surrounded(triple: list[Frame]) -> BoolArray:
+def surrounded(triple: list[BalanceFrame]) -> BoolArray:
     """Cells that hold nothing but grains in all three frames, and whose neighbours do now."""
     inside: BoolArray = np.logical_and.reduce([frame.c == 1 for frame in triple])
     full = triple[1].c == 1
