@@ -128,7 +128,7 @@ def laws(
         else:
             file = Path(f"{path}_{key}.h5")
             write_flow(one, file)
-            result = identify(read_flow(file), steps=steps, checks="none")
+            result = identify(read_flow(file), steps=steps, checks="quick")
             mu_s, mu_2 = (float(result.parameters[n].value) for n in ("mu_s", "mu_2"))
             row |= _held(result, scene, key)
         row |= {f"mu_s_{key}": mu_s, f"mu_2_{key}": mu_2}
@@ -139,7 +139,7 @@ def laws(
 
 
 def _held(result: Result, scene: scenes.Scene, key: str) -> dict[str, float]:
-    """Whether the 90 % interval of mu_s holds, and at which share of the I of the band mu(I) does."""
+    """Whether the 90 % interval of mu_s holds, and for which share of the I that of mu(I) does."""
     truth = scene.flow.truth
     assert truth is not None
     ends = result.parameters["mu_s"].interval_90
