@@ -30,6 +30,7 @@ from granpinn.data import write_flow
 SCENE, SEED, GRAIN = "collapse_2", 5, 7.0  # px
 MM, GRAVITY = 1e-3, 9.81  # a grain is 1 mm wide
 MARGIN = 24  # px
+MOST = 20000  # grains
 TRACKED = ("id", *COLUMNS, "omegaz")
 
 
@@ -45,16 +46,17 @@ def render(dump: Path, dropped: float, size: tuple[float, float], folder: Path) 
     shot = Shot(1 / GRAIN, GRAIN, 1.0, 0, 0, rows, columns, SEED)
     low, high = np.array([0.2, 0, -0.6]), np.array([0.8, 2 * np.pi, 0.6])
     times: list[float] = []
-    last, angle, look = 0.0, np.zeros(1), None
+    last, angle = 0.0, np.zeros(MOST)
+    bright, spots = random.uniform(70, 170, MOST), random.uniform(low, high, (MOST, SPOTS, 3))
     for t, table in tables(dump, TRACKED):
         values = dict(zip(TRACKED, table[np.argsort(table[:, 0])].T, strict=True))
-        n = values["id"].size
-        look = look or (random.uniform(70, 170, n), random.uniform(low, high, (n, SPOTS, 3)))
-        angle, last = angle + values["omegaz"] * (t - last), t
+        who = values["id"].astype(int)  # a grain that leaves the box is lost
+        angle[who] += values["omegaz"] * (t - last)
+        last = t
         if t < dropped:
             continue
         place = np.stack([values["x"], values["y"]])
-        grains = Grains(place, angle, values["radius"] * GRAIN, *look)
+        grains = Grains(place, angle[who], values["radius"] * GRAIN, bright[who], spots[who])
         picture = exposed([place], grains, shot, random)
         Image.fromarray(picture).save(folder / f"frame_{len(times):05d}.png", compress_level=1)
         times.append(t)
@@ -80,6 +82,7 @@ def main() -> None:
     times = render(dump, scene.dropped, (grid.right, grid.top), own.out / "frames")
     second = math.sqrt(MM / GRAVITY)  # of the units of the scene
     rate = (len(times) - 1) / (times[-1] - times[0]) / second
+    density = f"{scene.shape.bulk_density * 1000!r} kg/m^3"
     flow = film(
         str(own.out / "frames" / "*.png"),
         page=own.out / "film.html",
@@ -87,7 +90,8 @@ def main() -> None:
         scale=f"{1 / GRAIN!r} mm/px",
         frame_rate=f"{rate!r} Hz",
         grain_diameter="1 mm",
-        density=f"{scene.shape.bulk_density * 1000!r} kg/m^3",
+        density=density,
+        grain_density=density,  # as in the flow file of the scene
         start=f"{times[0] * second!r} s",
         origin=f"-0.5,{math.ceil(grid.top * GRAIN) + MARGIN - 0.5}",
     )
