@@ -294,11 +294,12 @@ def _settings(settings: FilmSettings, judgement: UsableFrames, t: Float64) -> Se
     """The settings of the conversion: times count from the release."""
     changes: dict[str, Any] = {"mask": None, "frames": None}
     frame = units.frame_time(settings.frame_rate or "", "--frame-rate")
+    first = float(t.min()) * frame
     if settings.start is not None:  # of the first frame of the film
-        zero = units.si(settings.start, "time", "--start")
-        changes["start"] = f"{zero + t.min() * frame!r} s"
+        first += units.si(settings.start, "time", "--start")
     else:
-        changes["start"] = f"{float(t.min() - (judgement.release or 0.0)) * frame!r} s"
+        first -= (judgement.release or 0.0) * frame
+    changes["start"] = f"{first!r} s"
     if settings.surface in ("mask", "fraction"):
         raise DataFileError(f"--surface {settings.surface} is not for films: leave it out")
     return dataclasses.replace(settings, **changes)
