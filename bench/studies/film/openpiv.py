@@ -38,7 +38,7 @@ def pairs(scene: scenes.Scene, frames: Path, out: Path) -> Film:
     for k, middle in enumerate(middles):
         images = [np.asarray(Image.open(pictures[middle + s])) for s in (-1, 1)]
         first, second = (image[-camera.rows :, : camera.columns] for image in images)
-        level = grain_level((first, second))
+        level = grain_level((first, second), sigma=shot.grain)
         parts = {"a": first, "b": second, "grains": 255 * (level > 0.5)}
         parts["mask"] = 255 * (smoothed(level, 8.0) > 0.16)
         for name, picture in parts.items():
