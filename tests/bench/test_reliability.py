@@ -32,12 +32,6 @@ def test_damage_is_a_function_of_the_seed(text: bool) -> None:
     assert max(map(len, made)) <= damage.MOST
 
 
-def test_values_of_json_are_damaged() -> None:
-    content = b'{"a": {"b": [1, 2, 3]}, "c": "text"}'
-    made = {damage.json_value(content, Random(k)) for k in range(100)}
-    assert len(made) > 30
-
-
 def test_edits_leave_hdf5(tmp_path: Path) -> None:
     content = FORMATS["flow"].files()["flow.h5"]
     made = [hdf5_edits.edited(content, Random(f"{k}"), tmp_path) for k in range(20)]
@@ -96,12 +90,6 @@ def test_what_happens_before_the_command_is_not_its_failure(tmp_path: Path) -> N
     work.mkdir()
     found = sandbox.run(lambda: 0, os.abort, work)
     assert judged(found, "train", work, None) == "input not made"
-
-
-def test_a_run_that_has_no_time_left_ends_cleanly(tmp_path: Path) -> None:
-    words = ["--format", "pivlab", "--seeds", "0:999999", "--seconds", "0.1"]
-    assert mutants([*words, "--out", str(tmp_path / "a.json")]) == 0
-    assert read(tmp_path / "a.json")["tried"] == 0
 
 
 @pytest.mark.long

@@ -48,6 +48,6 @@ def test_a_record_of_another_author_is_shown(tmp_path: Path) -> None:
     assert "| 2 | 0 | 2 ok | 1 s |" in text
 
 
-@pytest.mark.parametrize("name", ["mutants", "output_faults", "hostile_targets"])
+@pytest.mark.parametrize("name", ["mutants", "output_faults"])
 def test_commands_exist(name: str) -> None:
     assert importlib.util.find_spec(f"bench.studies.reliability.{name}") is not None
