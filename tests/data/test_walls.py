@@ -15,25 +15,14 @@ from granpinn.data import (
     Walls,
     check_flow,
     training_set,
-    with_partial_cells,
 )
-from granpinn.data.outline import outline
 from granpinn.data.scaling import scales_of
 from granpinn.data.wall_points import walls_of
 from granpinn.data.walls import crossed, parted, samples, segments_of
-from tests.data.walled import EVERYTHING, FLOOR, NAN, full, line, single
+from tests.data.walled import FLOOR, NAN, full, line, single
 from tests.flows import make_chute, make_flow
 
 FLOW = make_flow()
-
-
-def test_segments_of_pieces() -> None:
-    found = segments_of(EVERYTHING)
-    np.testing.assert_array_equal(found.ends, [[[0, 0], [2, 0]], [[0, 0], [0, 1]]])
-    np.testing.assert_array_equal(found.sticks, [True, False])
-    np.testing.assert_array_equal(found.wall, [0, 1])
-    np.testing.assert_array_equal(found.normal[0], [[0, 1], [0, 1]])
-    assert found.names() == ["the wall from (0, 0) to (2, 0)", "the wall from (0, 0) to (0, 1)"]
 
 
 def test_a_wall_that_moves_is_one_wall() -> None:
@@ -154,13 +143,6 @@ def on_walls(flow: Flow) -> Any:
     return training_set(flow, scales, "V0")
 
 
-def test_a_wall_that_grains_flow_through_is_none(seed: int) -> None:
-    across = sheared(lambda x, y: (0 * x, -1 - 0 * y), FLOOR, 0.01, seed % 1000)
-    with pytest.warns(FlowFileWarning, match="grains flow through the wall"):
-        data = on_walls(across)
-    assert len(data.wall_points) == 0
-
-
 def test_a_turning_drum() -> None:
     """A rigid rotation: no slip holds on the moving wall and not on one at rest."""
     a = np.linspace(0, 2 * np.pi, 61)
@@ -180,11 +162,6 @@ def test_a_turning_drum() -> None:
         assert len(found[0].x) >= 50  # of 62; cells are up to 2 away elsewhere
         assert found[2][0].sticks == share
         assert found[2][0].closed == 1.0
-
-
-def test_dry_walls_have_no_condition() -> None:
-    far = sheared(lambda x, y: (y, 0 * y), line((0, -3), (16, -3)))
-    assert len(on_walls(far).wall_points) == 0
 
 
 def test_known_pressure_counts_at_every_level() -> None:
@@ -223,24 +200,6 @@ def test_no_equation_behind_a_wall() -> None:
         assert len(x) > least
         cut = (x > 7.5) & (x < 8.5)
         assert cut.any() == (own.walls is None)
-
-
-def test_a_plate_is_no_free_surface() -> None:
-    c = np.ones((1, 12, 16), np.float32)
-    c[:, 10:] = 0
-    free = sheared(lambda x, y: (y, 0 * y), line((0, 0), (16, 0)), c=c)
-    half = replace(free, walls=line((0, 10.2), (8, 10.2)))
-    assert outline(free).x.size == 16
-    np.testing.assert_array_equal(outline(half).x, np.arange(8) + 8.5)
-
-
-def test_partly_filled_cells_behind_a_wall_are_no_grains() -> None:
-    c = np.ones((1, 12, 16), np.float32)
-    c[:, :, 8:] = 0.6
-    flow = sheared(lambda x, y: (y, 0 * y), line((0, 0), (16, 0)), c=c)
-    assert with_partial_cells(flow).material.all()
-    split = with_partial_cells(replace(flow, walls=line((8, 0), (8, 12)))).material[0]
-    np.testing.assert_array_equal(split, np.broadcast_to(np.arange(16) < 8, (12, 16)))
 
 
 def test_walls_of_a_chute_hold() -> None:

@@ -17,7 +17,6 @@ import granpinn
 from granpinn.data import read_flow
 from granpinn.filming import FilmSettings, measured
 from granpinn.filming.frames import opened
-from granpinn.filming.segmentation import segmented
 from granpinn.filming.tracking import follow
 from granpinn.importers import DataFileError
 
@@ -83,14 +82,6 @@ def test_velocity_surface_and_release(shot: list[Any], tmp_path: Path) -> None:
     assert flow.particles.u.max() == pytest.approx(speed(TOP, 20) * 1e-4 * 300, rel=0.1)
     assert flow.stated("surface_sd") == pytest.approx(0.1 * 0.6e-3)
     assert flow.t[0] > 0
-
-
-def test_slow_regions_get_a_longer_time(shot: list[Any], tmp_path: Path) -> None:
-    field = measured(save(shot, tmp_path / "a"), FilmSettings(**LAB)).fields[-1]
-    good = field.vectors.kept()
-    low, high = (np.median(good.step[m]) for m in (good.y > ROWS - 20, good.y < TOP + 20))
-    assert low > high
-    assert (2 * good.step * np.abs(good.u)).max() < 12
 
 
 def test_command_writes_flow_and_page(
@@ -204,20 +195,6 @@ def test_a_video_has_the_frames_of_its_images(shot: list[Any], tmp_path: Path) -
     assert len(frames.sample(3)) == 3
 
 
-def test_deep_pictures_and_regions(shot: list[Any], tmp_path: Path) -> None:
-    """12 bits in files of 16, and a part of every picture."""
-    deep = [p.astype(np.uint16) * 16 for p in shot[:4]]
-    frames = opened([save(deep, tmp_path / "a")])
-    frames.region = slice(10, 60), slice(0, 50)
-    assert frames.sample(1)[0] == pytest.approx(shot[0][10:60, :50], abs=255)
-    assert frames.sample(1)[0].dtype == np.uint8
-
-
-def test_a_frame_rate_that_is_too_low_is_named(shot: list[Any], tmp_path: Path) -> None:
-    with pytest.warns(UserWarning, match=r"with 0.005\d* times gravity .*frame.rate"):
-        granpinn.film(save(shot, tmp_path / "a"), **(LAB | {"frame_rate": "30 Hz"}))
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -247,11 +224,3 @@ def test_subpixel_shift_is_found(shot: list[Any]) -> None:
     places = np.stack(np.meshgrid(np.arange(30, 170, 20.0), np.arange(60, 100, 10.0)), -1)
     found = follow(shot[0], moved, places.reshape(-1, 2), 11)
     assert np.median(found.moved, axis=0) == pytest.approx([1.3, -0.6], abs=0.05)
-
-
-def test_dark_grains_before_a_bright_wall_are_the_rough_class(shot: list[Any]) -> None:
-    found = segmented([255 - p for p in shot[::8]], GRAIN)
-    assert found.useful
-    level = found.level(255 - shot[0])
-    assert level[-3:].mean() > 0.6
-    assert level[:5].mean() < 0.1

@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 
 from granpinn.data.hdf5 import read_hdf5
-from granpinn.data.reader import is_flow_file
 from granpinn.importers import DataFileError, read_vectors
-from granpinn.importers.formats import detect
 from granpinn.regular import UnsafeFileError
 from granpinn.results import FieldsFileError, read_fields, write_fields
 from tests.data.hostile_containers import ATTACKS, make_outside
@@ -57,12 +55,6 @@ CONTAINERS: dict[str, tuple[str, Callable[[Path], Path], str, Read]] = {
     "tracks": ("a.h5", tracks, "Frame_0/table", lambda p: read_vectors(p, "tracks")),
     "fields": ("fields.h5", fields, "u", read_fields),
 }
-
-
-@pytest.mark.parametrize("container", CONTAINERS)
-def test_the_files_are_valid(tmp_path: Path, container: str) -> None:
-    name, write, _, read = CONTAINERS[container]
-    read(write(tmp_path / name))
 
 
 # A reference names an object, so no link lies on the way to it.
@@ -110,20 +102,6 @@ def test_a_careless_reader_would_open_the_other_file(
             assert opened()
 
 
-def test_one_matrix_named_by_a_thousand_cells(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The bytes that are read count, not those of the file."""
-    monkeypatch.setattr("granpinn.foreign.process.LEAST_BYTES", 2**20)
-    monkeypatch.setattr("granpinn.foreign.process.BYTES_PER_BYTE", 1)
-    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
-        big = file.create_dataset("#refs#/a", data=np.zeros((100, 100)), compression="gzip")
-        for name in ("x", "y", "u_original", "v_original"):
-            file[name] = np.full((1, 1000), big.ref, h5py.ref_dtype)
-    with pytest.raises(DataFileError, match="must hold at most 0.000977 GiB of data"):
-        read_vectors(tmp_path / "a.mat", "pivlab-mat")
-
-
 def test_damaged_text_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bytes of a variable-length attribute and its heap: HDF5 runs without end for some, allocates
     4 GiB for others, and crashes."""
@@ -147,20 +125,6 @@ def test_damaged_text_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
                 continue
             assert len(str(found.datasets["u"].attributes.values)) < 5000
     assert refused > 10
-
-
-def test_damaged_text_makes_no_flow_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("granpinn.foreign.process.SECONDS", 1.0)
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file.attrs["format_name"] = "granpinn-flow"
-    content = bytearray(path.read_bytes())
-    heap = content.index(b"GCOL")
-    content[heap + 24 : heap + 32] = b"\xf0" + b"\xff" * 7
-    path.write_bytes(content)
-    assert not is_flow_file(path)
-    with pytest.raises(DataFileError, match="of no known format"):
-        detect(path)
 
 
 @pytest.mark.parametrize("compression", [None, "gzip"])

@@ -8,10 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.commands.convert import main
-from granpinn.data import FlowFileWarning
 from granpinn.importers import DataFileError, Validity, read_vectors
-from granpinn.importers.vectors import warn_of_zeros
 from tests.importers import scene
 
 SAMPLES = Path(__file__).parent / "samples"
@@ -121,15 +118,6 @@ def test_samples_have_no_silent_zeros() -> None:
             assert not (fields.usable & (fields.u == 0) & (fields.v == 0)).any(), path
 
 
-def test_many_zeros_are_warned_of(tmp_path: Path) -> None:
-    """A mask that was lost leaves zeros behind."""
-    path = openpiv(tmp_path / "a.txt")
-    lines = [line[:-1] + "0" for line in path.read_text().splitlines()[1:]]
-    fields = read_vectors(scene.write_lines(path, ["# x\ty\tu\tv\tflags\tmask", *lines]))
-    with pytest.warns(FlowFileWarning, match="are exactly zero: grains at rest are seldom"):
-        warn_of_zeros(fields)
-
-
 WRONG: dict[str, tuple[Any, Any, str]] = {
     "openpiv flags": (
         openpiv,
@@ -164,13 +152,3 @@ def test_wrong_input_is_refused(tmp_path: Path, write: Any, change: Any, message
     with pytest.raises(DataFileError, match=message) as caught:
         read_vectors(path)
     assert "\n" not in str(caught.value)
-
-
-def test_a_mask_that_is_made_of_gaps_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    files = [str(davis(tmp_path / f"B{k}.txt", k)) for k in range(scene.FRAMES)]
-    material = ["--grain-diameter", "2 mm", "--grain-density", "2500 kg/m^3"]
-    more = ["--solid-fraction", "0.6", "--frame-rate", "9 Hz", "--out", str(tmp_path / "f.h5")]
-    assert main([*files, *material, *more]) == 0
-    assert "the free surface is the edge of the vectors" in capsys.readouterr().out

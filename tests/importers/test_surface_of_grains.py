@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.data import FlowFileWarning
-from granpinn.importers import Settings, convert, read
+from granpinn.importers import Settings, convert
 from granpinn.importers.density import surface_of_grains
 
 D = 0.01
@@ -56,12 +55,6 @@ def test_the_edge_of_a_picture_is_no_surface() -> None:
     assert surface_of_grains(t[inside], x[inside], y[inside], D, DOWN) is None
 
 
-def test_one_grain_far_away_takes_no_memory() -> None:
-    t, x, y = grains()
-    x[3] = 1e30
-    assert surface_of_grains(t, x, y, D, DOWN) is None
-
-
 MATERIAL = {"grain_diameter": "10 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
 
 
@@ -89,16 +82,3 @@ def test_gravity_decides_where_y_points(tmp_path: Path, sign: float) -> None:
     high = flow.surface.y[np.argsort(flow.surface.x)]
     assert high[:50].mean() > high[-50:].mean()
     assert flow.attributes["surface_sd"] == pytest.approx(D / 2, rel=0.2)
-
-
-def test_a_length_unit_suffices(tmp_path: Path) -> None:
-    path = tmp_path / "a.csv"
-    t, x, y = grains()
-    rows = [f"{a:.0f},{1e3 * b},{1e3 * c},{c},{-1}" for a, b, c in zip(5 * t, x, y, strict=True)]
-    path.write_text("\n".join(["frame,x,y,vx,vy", *rows]))
-    flow = read(path, length_unit="mm", frame_rate="100 Hz", **MATERIAL)
-    assert flow.particles is not None
-    np.testing.assert_allclose(flow.particles.v, -0.1, rtol=1e-6)
-    path.write_text("\n".join(["frame,x,y,vx,vy", *np.array(rows)[y < 0.1]]))
-    with pytest.warns(FlowFileWarning, match="grains have no edge that faces up and moves"):
-        read(path, length_unit="mm", frame_rate="100 Hz", **MATERIAL)

@@ -15,7 +15,7 @@ from granpinn.checks.resimulation import resimulate
 from granpinn.commands import train
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import DEFAULT
-from granpinn.second_opinion import layers, simulated_pressure
+from granpinn.second_opinion import simulated_pressure
 from granpinn.simulation import Chute, simulate
 from tests.flows import make_chute
 
@@ -39,29 +39,6 @@ def test_the_true_law_gives_the_data_back(flow: Flow) -> None:
     assert set(summary.curves.front) == {None}
     assert "front" not in str(summary)
     assert "no fit of the simulator, which exists for collapses alone" in str(summary)
-
-
-def test_another_law_does_not(flow: Flow) -> None:
-    summary = resimulate(flow, DEFAULT, (0.33, 0.7, 0.3))
-    assert summary.velocity_percent is not None
-    assert summary.velocity_percent > 5
-
-
-def test_the_columns_of_the_data_are_their_own(flow: Flow) -> None:
-    """A file with other columns and coarser rows, which does not state the grid of a solver."""
-    stated = {k: v for k, v in flow.attributes.items() if k != "grid_spacing_of_solver"}
-    coarse = dataclasses.replace(
-        flow,
-        attributes={**stated, "period_x": 100.0},
-        x=np.array([3.0, 20.0, 55.0]),
-        y=flow.y[::2],
-        **{name: getattr(flow, name)[:, ::2, :3] for name in ("u", "v", "c", "p")},
-    )
-    summary = resimulate(coarse, DEFAULT, LAW)
-    assert summary.cells == 32
-    assert summary.common_percent == 100
-    assert summary.velocity_percent is not None
-    assert summary.velocity_percent < 3  # 16 cells against 32, from rest
 
 
 def steady_velocity(flow: Flow) -> simulated_pressure.Velocity:
@@ -125,11 +102,6 @@ def test_another_layer_is_left_out_with_the_reason(
     summary = resimulate(change(flow), DEFAULT, LAW)
     assert summary.curves is None
     assert words in str(summary.objection)
-
-
-def test_depth_without_a_surface_line(flow: Flow) -> None:
-    assert layers.depth_of(flow, 3) == pytest.approx(20.0, rel=1e-6)
-    assert layers.depth_of(dataclasses.replace(flow, surface=None), 3) == pytest.approx(20.0)
 
 
 def test_the_command_has_both_opinions(

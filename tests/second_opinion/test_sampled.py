@@ -12,9 +12,9 @@ from granpinn.data.flow import Particles, Surface
 from granpinn.data.particles import particle_flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion.comparison import interpolation
-from granpinn.second_opinion.sampled import Sampler, crossings
+from granpinn.second_opinion.sampled import Sampler
 from granpinn.second_opinion.scenes import scene_of
-from granpinn.simulation import Chute, Collapse, simulate
+from granpinn.simulation import Collapse, simulate
 from granpinn.simulation.progress import SilentSimulation
 from granpinn.simulation.run import record
 
@@ -124,16 +124,6 @@ def test_scattered_vectors_stay_where_they_are(flow: Flow) -> None:
         np.testing.assert_allclose(getattr(made, name), values, atol=1e-6)
 
 
-def test_a_layer_has_its_line_and_its_columns() -> None:
-    law = (0.3, 0.7, 0.3)
-    layer = Chute(*law, slope=23.0, height=20.0, d=1.0, cells=16, frames=6, t_end=30.0, threads=1)
-    flow = simulate(layer)
-    made = again(flow, law)
-    np.testing.assert_allclose(made.u, flow.u, rtol=1e-5)
-    np.testing.assert_array_equal(made.valid, flow.valid)
-    assert same_points(made.surface, flow.surface) == pytest.approx(0, abs=1e-6)
-
-
 def test_measured_pressure_on_the_line_is_simulated(flow: Flow) -> None:
     assert flow.surface is not None
     assert flow.surface.p is not None
@@ -143,18 +133,3 @@ def test_measured_pressure_on_the_line_is_simulated(flow: Flow) -> None:
     assert surface.p.shape == flow.surface.p.shape
     # The simulation has the pressure of air there, small beside that of 10 of grains.
     assert float(np.abs(surface.p).max()) < 0.5
-
-
-def test_crossings_of_a_block() -> None:
-    c = np.zeros((6, 6))
-    c[:3, :2] = 1
-    c[3, :2] = 0.25
-    places = crossings(c, 0.5)
-    top = places[places[:, 0] < 0.8]
-    # c falls from 1 at y = 1.25 to 0.25 at 1.75: it is 1/2 at 2/3 of the way.
-    np.testing.assert_allclose(sorted({x for x, _ in top.round(9)}), [0.0, 0.25, 0.75])
-    np.testing.assert_allclose(top[:, 1], 1.25 + 0.5 * 2 / 3)
-    side = places[places[:, 0] >= 0.8]
-    np.testing.assert_allclose(side[:, 0], 1.0)
-    np.testing.assert_allclose(sorted(side[:, 1]), [0.0, 0.25, 0.75, 1.25])
-    assert crossings(np.ones((4, 4)), 1.0).shape == (0, 2)

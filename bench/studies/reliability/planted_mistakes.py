@@ -55,7 +55,6 @@ TESTS = {
     "data": ["tests/physics", "tests/data"],
     "units": [
         "tests/importers/test_units.py",
-        "tests/importers/test_physical_units.py",
         "tests/importers/test_convert.py",
     ],
     "training": [
