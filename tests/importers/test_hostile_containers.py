@@ -113,7 +113,7 @@ def test_damaged_text_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     content = path.read_bytes()
     at, heap = content.index(b"units\0"), content.index(b"GCOL")
     refused = 0
-    for place in (*range(at - 16, at + 64, 3), *range(heap, heap + 64, 3)):
+    for place in (*range(at - 16, at + 64, 9), *range(heap, heap + 64, 9)):
         for value in (0, 127, 255):
             damaged = bytearray(content)
             damaged[place] = value
@@ -124,7 +124,7 @@ def test_damaged_text_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
                 refused += 1
                 continue
             assert len(str(found.datasets["u"].attributes.values)) < 5000
-    assert refused > 10
+    assert refused > 3
 
 
 @pytest.mark.parametrize("compression", [None, "gzip"])

@@ -15,7 +15,7 @@ from bench.studies.reliability.record import read
 
 
 @pytest.mark.parametrize(
-    "count", [4, pytest.param(500, marks=[pytest.mark.long, pytest.mark.timeout(36_000)])]
+    "count", [2, pytest.param(500, marks=[pytest.mark.long, pytest.mark.timeout(36_000)])]
 )
 def test_mutants(count: int, tmp_path: Path) -> None:
     out = tmp_path / "mutants.json"

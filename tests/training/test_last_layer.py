@@ -21,7 +21,7 @@ from granpinn.training import last_layer as module
 from granpinn.training.elimination import solve
 from granpinn.training.features import Features, coefficients, with_coefficients
 from granpinn.training.last_layer import ITERATIONS, improve, iterate, last_layer
-from granpinn.training.last_layer_sums import Data, Sums, Unknowns, velocity_moments
+from granpinn.training.last_layer_sums import Data, Sums, Unknowns, choose, velocity_moments
 from granpinn.training.objective import Member
 from granpinn.training.problem import Problem
 from tests.runs import tiny
