@@ -11,7 +11,7 @@ import shlex
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -112,11 +112,6 @@ def processor() -> str:
     """The processor of this machine, and how many cores the process may use."""
     machine = describe()
     return f"{machine['processor']}, {machine['cores']} cores"
-
-
-def joined(values: Iterable[str]) -> str:
-    """What several runs have: each value once, in words."""
-    return " and ".join(dict.fromkeys(values))
 
 
 def command_of(module: str, argv: Sequence[str] | None = None) -> str:
