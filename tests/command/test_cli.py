@@ -54,9 +54,6 @@ def test_it_is_installed_as_a_command_and_as_a_module() -> None:
         assert done.stdout == f"granpinn {granpinn.__version__}\n"
 
 
-# ---- completion ----------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def scripts() -> dict[str, str]:
     """The script of each shell."""

@@ -143,9 +143,6 @@ def test_too_little_memory_for_the_libraries_is_one_sentence(
     assert f"ulimit {flag} allows {kibibytes}: raise the limit" in message
 
 
-# ---- the boundary in this process ----------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("error", "code", "text"),
     [

@@ -182,3 +182,15 @@ def test_a_truth_value_of_h5py_is_a_number(value: bool, tmp_path: Path) -> None:
     assert flow.attributes["steady"] == int(value)
     assert flow.attributes["lit"] == int(value)
     assert flow.steady is value
+
+
+@pytest.mark.parametrize("columns", [2, 3, 5, 12])
+def test_a_line_from_edge_to_edge_of_few_columns_is_accepted(columns: int) -> None:
+    """The edges lie half a cell outside of the cell centers."""
+    flow = make_flow(columns=columns, frames=2)
+    width = 2.0 / columns
+    line = Surface(np.repeat(flow.t, 2), np.tile([0.0, 2.0], 2), np.full(4, 0.9))
+    check_flow(replace(flow, surface=line))
+    far = replace(line, x=line.x + np.tile([-2 * width, 2 * width], 2))
+    with pytest.raises(FlowFileError, match="surface_x must lie within x"):
+        check_flow(replace(flow, surface=far))

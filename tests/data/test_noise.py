@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, add_noise, check_flow
+from granpinn.data import Flow, add_noise, check_flow, known_sd
 from granpinn.data.noise import max_speed
 from tests.flows import make_flow
 
@@ -80,3 +80,11 @@ def test_surface_pressure_gets_noise_relative_to_its_own_size() -> None:
     no_pressure = add_noise(replace(FLOW, surface=replace(surface, p=None)), 0.1, 5).surface
     assert no_pressure is not None
     assert no_pressure.p is None
+
+
+def test_known_noise_is_the_mean_over_both_components() -> None:
+    assert known_sd(replace(FLOW, sigma_u=0.3, sigma_v=0.3)) == pytest.approx(0.3)
+    assert known_sd(replace(FLOW, sigma_u=0.1, sigma_v=0.7)) == pytest.approx(0.5)
+    of_each = np.where(FLOW.valid, 0.2, 9.0).astype(np.float32)  # nothing is known outside
+    assert known_sd(replace(FLOW, sigma_u=of_each, sigma_v=of_each)) == pytest.approx(0.2)
+    assert known_sd(replace(FLOW, sigma_u=None, sigma_v=None)) == 0

@@ -86,6 +86,19 @@ def test_the_pool_holds_them_between_the_others_and_the_walls() -> None:
     assert pool.pooled() is pool
 
 
+@pytest.mark.parametrize("steady", [True, False])
+def test_the_time_of_a_line_counts_unless_the_flow_is_steady(steady: bool) -> None:
+    flow = layer()
+    if not steady:
+        flow = replace(flow, attributes={"period_x": 32.0})
+    assert flow.surface is not None
+    between = (flow.t[1] + flow.t[2]) / 2  # no vector has this time
+    late = replace(flow.surface, t=np.where(flow.surface.t > flow.t[1], between, flow.surface.t))
+    flow = replace(flow, surface=late)
+    found = trained(flow).strip
+    assert len(found[:, 2].unique()) == (3 if steady else 2)
+
+
 @pytest.mark.parametrize("periodic", [True, False])
 def test_no_strip_lies_behind_a_wall(periodic: bool) -> None:
     """A lid over the left half: the line above it is that of other grains."""

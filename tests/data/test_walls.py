@@ -143,6 +143,13 @@ def on_walls(flow: Flow) -> Any:
     return training_set(flow, scales, "V0")
 
 
+def test_a_wall_that_grains_flow_through_is_none(seed: int) -> None:
+    across = sheared(lambda x, y: (0 * x, -1 - 0 * y), FLOOR, 0.01, seed % 1000)
+    with pytest.warns(FlowFileWarning, match="grains flow through the wall"):
+        data = on_walls(across)
+    assert len(data.wall_points) == 0
+
+
 def test_a_turning_drum() -> None:
     """A rigid rotation: no slip holds on the moving wall and not on one at rest."""
     a = np.linspace(0, 2 * np.pi, 61)

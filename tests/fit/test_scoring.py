@@ -17,7 +17,7 @@ from granpinn.fit.scoring import (
     strain_rate_of,
 )
 from granpinn.results import Fields, Parameters
-from granpinn.results.zones import after_start
+from granpinn.results.zones import D2_STAGNANT, after_start, flowing
 from tests.examples import PARAMETERS, make_fields
 from tests.flows import make_flow
 
@@ -35,9 +35,6 @@ def two_zones(**changes: object) -> Flow:
 
 def scores_of(flow: Flow, fields: Fields, parameters: Parameters = PARAMETERS) -> Scores:
     return score(flow, fields, parameters, lambda: strain_rate_of(flow))
-
-
-# ---- parts ---------------------------------------------------------------------------------------
 
 
 def test_relative_l2_is_the_formula_of_the_paper() -> None:
@@ -77,14 +74,18 @@ def test_gaps_are_bridged_one_sided_and_lonely_points_stay_unknown() -> None:
     np.testing.assert_allclose(found[known], 2, rtol=1e-12)
 
 
+def test_flowing_is_a_threshold_in_dimensionless_units() -> None:
+    fields = replace(make_fields(make_flow(frames=2)), time=2.0)  # 2 s: 0.05 is 0.025 / s
+    d2 = np.array([0.0, 0.0249, D2_STAGNANT / 2, 1.0, np.nan])
+    assert flowing(fields, d2).tolist() == [False, False, True, True, False]
+    assert flowing(fields).all()  # the predicted D2 = 1 / s
+
+
 def test_the_start_does_not_count() -> None:
     flow = make_flow(frames=3)
     fields = make_fields(replace(flow, t=flow.t - flow.t[0]))
     first = int(flow.material[0].sum())
     np.testing.assert_array_equal(after_start(fields), np.arange(fields.index.size) >= first)
-
-
-# ---- the whole -----------------------------------------------------------------------------------
 
 
 def test_errors_are_split_into_flowing_and_stagnant() -> None:

@@ -122,9 +122,6 @@ def test_a_result_survives_pickling(run: Run) -> None:
     np.testing.assert_array_equal(copied.grid.values["p"], run.result.grid.values["p"])
 
 
-# ---- network.safetensors
-
-
 def edited(content: bytes, **changes: object) -> bytes:
     """The file with other entries in its header."""
     length = int.from_bytes(content[:8], "little")
@@ -165,9 +162,6 @@ def test_a_wrong_network_file_is_refused_in_one_sentence(
     assert "\n" not in str(error.value)
 
 
-# ---- figures
-
-
 def test_figures_are_on_the_axes_and_in_the_style_of_the_caller(run: Run, tmp_path: Path) -> None:
     with mpl.rc_context({"font.size": 17.0}):
         figure = Figure()
@@ -188,9 +182,6 @@ def test_every_figure_can_be_drawn(run: Run) -> None:
     assert loss.get_yscale() == "log"
     assert plot.residual(0.5).get_title().startswith("$t$ = ")
     assert plot.inertial_number().get_xscale() == "log"
-
-
-# ---- packages
 
 
 def test_identifying_loads_neither_matplotlib_nor_xarray() -> None:

@@ -36,9 +36,6 @@ def forget() -> Iterator[None]:
     LAWS.update(known)
 
 
-# ---- the law -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("mu", "unknowns", "sentence"),
     [
@@ -70,9 +67,6 @@ def test_a_law_is_known_once_it_is_registered() -> None:
         laws.register(law)
         assert LAWS["linear"] is law
     assert Config(law="linear").law == "linear"
-
-
-# ---- the identification --------------------------------------------------------------------------
 
 
 def test_from_python_to_the_files_of_a_run(tmp_path: Path, figures: Callable[..., None]) -> None:

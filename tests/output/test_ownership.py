@@ -125,3 +125,10 @@ def test_a_folder_without_permission_is_named(
     monkeypatch.setattr(Path, "mkdir", refuse)  # root may write everywhere
     with pytest.raises(OutputError, match="choose a place that you may write to"):
         owned(tmp_path / "run").__enter__()
+
+
+def test_the_lock_says_nothing_of_the_machine_once_it_is_released(tmp_path: Path) -> None:
+    with owned(tmp_path / "run") as folder:
+        (folder / "result").write_text("kept")
+        assert str(os.getpid()) in (folder / ".lock").read_text()
+    assert (tmp_path / "run" / ".lock").read_text() == ""

@@ -46,9 +46,6 @@ def test_the_row_holds_values_intervals_and_units(tmp_path: Path) -> None:
     assert (row["steps"], row["wall_unit"]) == ("4000", "s")
 
 
-# ---- ParaView ------------------------------------------------------------------------------------
-
-
 def test_the_reader_of_paraview_finds_every_value(contents: Contents, tmp_path: Path) -> None:
     pyvista = pytest.importorskip("pyvista", reason="pyvista, extra mesh, is not installed")
     from vtkmodules.vtkIOHDF import vtkHDFReader

@@ -46,9 +46,6 @@ def path(fields: Fields, tmp_path: Path) -> Path:
     return path
 
 
-# ---- in memory -----------------------------------------------------------------------------------
-
-
 def test_a_frame_holds_the_values_of_its_points_and_nan_elsewhere(fields: Fields) -> None:
     assert fields.shape == fields.c.shape == (3, 9, 7)
     inside = fields.c == 1
@@ -57,9 +54,6 @@ def test_a_frame_holds_the_values_of_its_points_and_nan_elsewhere(fields: Fields
     assert grid.dtype == np.float32
     np.testing.assert_array_equal(np.isnan(grid), ~inside)
     np.testing.assert_array_equal(grid[inside], fields.values["p"])
-
-
-# ---- the file ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("known_pressure", [True, False])
@@ -163,9 +157,6 @@ def test_a_fault_while_writing_leaves_the_old_file(
         write_fields(fields, path)
     assert path.read_bytes() == before
     assert list(path.parent.iterdir()) == [path]
-
-
-# ---- files that are not right --------------------------------------------------------------------
 
 
 def replace_dataset(name: str, value: object) -> Callable[[h5py.File], None]:

@@ -37,9 +37,6 @@ def strict(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
 
 
-# ---- writing and reading -------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("result", [make_result(), make_result(**SPARSE)], ids=["full", "sparse"])
 def test_what_is_written_comes_back(result: Result, tmp_path: Path) -> None:
     path = tmp_path / "results.json"
@@ -124,9 +121,6 @@ def test_a_fault_while_writing_leaves_the_old_file(
     assert list(tmp_path.iterdir()) == [path]
 
 
-# ---- plain values --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("value", "expected"),
     [
@@ -147,9 +141,6 @@ def test_plain_values(value: Any, expected: Any) -> None:
     found = plain(value)
     assert found == expected
     assert type(found) is type(expected)
-
-
-# ---- the summary ---------------------------------------------------------------------------------
 
 
 def test_the_answer_is_a_few_lines() -> None:

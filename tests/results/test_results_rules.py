@@ -26,9 +26,6 @@ def read_content(content: Any, folder: Path) -> Result:
     return read_results(path)
 
 
-# ---- rules of the dataclasses --------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
@@ -70,9 +67,6 @@ def test_values_that_contradict_each_other_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=sentence):
         make()
-
-
-# ---- files that are not right --------------------------------------------------------------------
 
 
 EDITS: list[tuple[str, Any, str]] = [

@@ -61,6 +61,15 @@ def test_energy_is_lost_to_friction_alone() -> None:
     assert start - end == pytest.approx(lost, rel=0.02)
 
 
+def test_velocities_at_centers_are_means_of_two_faces() -> None:
+    u = np.array([[0.0, 2.0, 6.0], [1.0, 1.0, -3.0]])  # faces x = 0, 1, 2 of 2 x 2 cells
+    v = np.array([[0.0, 4.0], [2.0, 8.0], [5.0, -2.0]])  # faces y = 0, 1, 2
+    cells, corners = np.ones((2, 2)), np.ones((3, 3))
+    state = State(c=cells, p=cells, u=u, v=v, eta_center=cells, eta_corner=corners)
+    np.testing.assert_array_equal(state.u_center, [[1, 4], [1, -1]])
+    np.testing.assert_array_equal(state.v_center, [[1, 6], [3.5, 3]])
+
+
 def test_threads_give_the_same_bits() -> None:
     """On a grid that is large enough for its loops to be shared."""
     states = []
@@ -95,6 +104,15 @@ def test_paper_cases_run(mu_s: float, mu_2: float) -> None:
     advance(engine, 5.0)
     front = np.flatnonzero((engine.state().c > 0.5).any(axis=0)).max() * engine.spacing
     assert 5.5 < front < 10.5
+
+
+def test_cohesion_holds_grains_back() -> None:
+    reach = []
+    for cohesion in (0.0, 0.1):
+        engine = Engine(small(cohesion=cohesion))
+        advance(engine, 3.0)
+        reach.append(np.flatnonzero((engine.state().c > 0.5).any(axis=0)).max())
+    assert reach[1] < reach[0]
 
 
 def test_units_do_not_matter() -> None:

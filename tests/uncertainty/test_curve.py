@@ -35,9 +35,6 @@ def spread_of(low: float, high: float) -> Array:
     return np.geomspace(low, high, 2001)
 
 
-# ---- the band ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("half", [HALF, 3.2])
 def test_the_band_is_that_of_a_line_through_both_parameters(half: float) -> None:
     """sd(mu) = sqrt(J C J^T), by hand; symmetric in log mu."""
@@ -52,9 +49,6 @@ def test_the_band_is_that_of_a_line_through_both_parameters(half: float) -> None
     np.testing.assert_allclose(curve.mu, J @ [mu_s, mu_2])
     np.testing.assert_allclose(curve.low, curve.mu * np.exp(-reach))
     np.testing.assert_allclose(curve.high, curve.mu * np.exp(reach))
-
-
-# ---- the record ----------------------------------------------------------------------------------
 
 
 def test_the_curve_covers_the_range_that_the_data_determine() -> None:
