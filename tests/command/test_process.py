@@ -53,9 +53,13 @@ def one_sentence(err: str, program: str) -> str:
     return err
 
 
-@pytest.mark.parametrize("start", [as_module, as_verb], ids=["module", "verb"])
-@pytest.mark.parametrize("name", HEAVY)
-@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("name", "start", "signum"),
+    [
+        *((name, as_module, signal.SIGINT) for name in HEAVY),
+        *(("train", as_verb, signum) for signum in (signal.SIGINT, signal.SIGTERM)),
+    ],
+)
 def test_a_signal_during_the_imports_is_one_sentence(
     name: str, start: Callable[[str], list[str]], signum: signal.Signals, tmp_path: Path
 ) -> None:
@@ -75,14 +79,11 @@ def test_a_signal_during_the_imports_is_one_sentence(
     assert f"stopped by {signum.name}" in one_sentence(err.decode(), f"granpinn.{name}")
 
 
-@pytest.mark.parametrize("start", [as_module, as_verb], ids=["module", "verb"])
-def test_a_library_that_is_broken_is_one_sentence(
-    start: Callable[[str], list[str]], tmp_path: Path
-) -> None:
+def test_a_library_that_is_broken_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "h5py.py").write_text("raise ImportError('libhdf5.so: no such file')\n")
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
-        start("train"), capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path}
+        as_verb("train"), capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path}
     )
     assert done.returncode == 1
     err = one_sentence(done.stderr, "granpinn.train")
@@ -129,8 +130,14 @@ def with_stdout(
     )
 
 
-@pytest.mark.parametrize(("flag", "kibibytes"), [("-v", 600_000), ("-v", 500_000), ("-d", 200_000)])
-@pytest.mark.parametrize("name", HEAVY)
+@pytest.mark.parametrize(
+    ("name", "flag", "kibibytes"),
+    [
+        *((name, "-v", 600_000) for name in HEAVY),
+        ("train", "-v", 500_000),
+        ("train", "-d", 200_000),
+    ],
+)
 def test_too_little_memory_for_the_libraries_is_one_sentence(
     name: str, flag: str, kibibytes: int
 ) -> None:

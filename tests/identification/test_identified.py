@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import pickle
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -182,10 +180,3 @@ def test_every_figure_can_be_drawn(run: Run) -> None:
     assert loss.get_yscale() == "log"
     assert plot.residual(0.5).get_title().startswith("$t$ = ")
     assert plot.inertial_number().get_xscale() == "log"
-
-
-def test_identifying_loads_neither_matplotlib_nor_xarray() -> None:
-    code = "import granpinn, sys; granpinn.identify, granpinn.load; "
-    code += "print('matplotlib' in sys.modules, 'xarray' in sys.modules)"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.split() == ["False", "False"]

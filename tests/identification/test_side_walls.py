@@ -18,7 +18,7 @@ RANGE = np.array([0.05, 0.1, 0.2])  # I of the flow: 0.04 to 0.3
 
 def identified(friction: float, sd: float = 0.0) -> Result:
     settings = {
-        "steps": 8000,
+        "steps": 4000,
         "network__widths": (32, 32),
         "batch__interior": 256,
         "batch__surface": 16,

@@ -49,10 +49,8 @@ SMALL = {
 }
 # What each of them makes large: settings, and frames, rows and columns of the flow.
 LARGE: dict[str, tuple[dict[str, Any], tuple[int, int, int]]] = {
-    "network": ({"network.widths": [700, 700, 16], "optimizer.method": "adam"}, (4, 8, 8)),
     "members": ({"network.widths": [96, 96, 16], "members": 80}, (6, 12, 10)),
     "batches": ({"batch.interior": 1_500_000}, (6, 12, 10)),
-    "last layer": ({"network.widths": [16, 96]}, (20, 40, 40)),
     "points": ({"batch.collocation": 100}, (12, 40, 40)),
 }
 
