@@ -26,6 +26,8 @@ from granpinn.data import (
     with_partial_cells,
 )
 from granpinn.data.scaling import scales_of
+from granpinn.estimates.facts import Facts
+from granpinn.estimates.view import BETWEEN_RUNS
 from granpinn.fit import case
 from tests.data.test_variants import walled
 from tests.flows import make_flow
@@ -114,6 +116,22 @@ def test_runs_and_spread_frames_are_those_of_the_flow(path: Path) -> None:
         assert part.surface is not None
         assert np.unique(part.surface.t).tolist() == part.t.tolist()
         assert part.surface.t.size == CELLS * part.t.size
+
+
+@pytest.mark.usefixtures("bounds")
+def test_no_estimate_joins_two_runs(path: Path) -> None:
+    """The second run is far faster: a slope or difference across the gap would show it."""
+    flow = read_flow(path)
+    still = replace(flow, u=np.where(np.isnan(flow.u), np.nan, flow.u * 0 + 1.0), v=0 * flow.v)
+    still.u[30:] *= 100
+    runs = large.runs(still)
+    facts = Facts(runs, scales_of(flow))
+    assert facts.noise.sigma == 0.0
+    assert len(facts.view.t) == 20 + BETWEEN_RUNS
+    assert facts.view.count.sum() == runs.valid.sum()
+    assert np.abs(facts.slopes.du[:, 0]).max() < 1e-9
+    assert np.nanmax(facts.noise_cells) == 0.0
+    assert facts.independent(12345) * facts.noise.vectors_per_independent == 12345
 
 
 def sets_of(flow: Flow, level: str) -> tuple[TrainingSet, TrainingSet]:

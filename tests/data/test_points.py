@@ -14,7 +14,9 @@ from granpinn.data.scaling import RESOLUTION, scales_of
 from tests.flows import make_flow
 
 FLOW = make_flow()
+
 SCALES = scales_of(FLOW)
+
 SURFACE = FLOW.surface
 assert SURFACE is not None
 assert SURFACE.p is not None
@@ -140,6 +142,15 @@ def test_pressure_at_v2_only_and_dimensionless() -> None:
     assert not training_set(flow, SCALES, "V1").surface_pressure.any()
     pressure = training_set(flow, SCALES, "V2", torch.float64).surface_pressure
     np.testing.assert_allclose(pressure * SCALES.pressure, p, rtol=1e-12)
+
+
+def test_the_toe_is_low_against_gravity() -> None:
+    """With gravity along +x the lowest points are those with the largest x."""
+    flow = replace(FLOW, gravity=(9.81, 0.0), grain_diameter=0.05)
+    scales = scales_of(flow)
+    points = scales.points_to_physical(training_set(flow, scales, "V1").surface_points)
+    assert len(points) < SURFACE.x.size
+    assert points[:, 0].max() < SURFACE.x.max() - 0.1
 
 
 @pytest.mark.parametrize(

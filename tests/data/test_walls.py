@@ -15,7 +15,9 @@ from granpinn.data import (
     Walls,
     check_flow,
     training_set,
+    with_partial_cells,
 )
+from granpinn.data.outline import outline
 from granpinn.data.scaling import scales_of
 from granpinn.data.wall_points import walls_of
 from granpinn.data.walls import crossed, parted, samples, segments_of
@@ -207,6 +209,24 @@ def test_no_equation_behind_a_wall() -> None:
         assert len(x) > least
         cut = (x > 7.5) & (x < 8.5)
         assert cut.any() == (own.walls is None)
+
+
+def test_a_plate_is_no_free_surface() -> None:
+    c = np.ones((1, 12, 16), np.float32)
+    c[:, 10:] = 0
+    free = sheared(lambda x, y: (y, 0 * y), line((0, 0), (16, 0)), c=c)
+    half = replace(free, walls=line((0, 10.2), (8, 10.2)))
+    assert outline(free).x.size == 16
+    np.testing.assert_array_equal(outline(half).x, np.arange(8) + 8.5)
+
+
+def test_partly_filled_cells_behind_a_wall_are_no_grains() -> None:
+    c = np.ones((1, 12, 16), np.float32)
+    c[:, :, 8:] = 0.6
+    flow = sheared(lambda x, y: (y, 0 * y), line((0, 0), (16, 0)), c=c)
+    assert with_partial_cells(flow).material.all()
+    split = with_partial_cells(replace(flow, walls=line((8, 0), (8, 12)))).material[0]
+    np.testing.assert_array_equal(split, np.broadcast_to(np.arange(16) < 8, (12, 16)))
 
 
 def test_walls_of_a_chute_hold() -> None:

@@ -83,6 +83,11 @@ def test_the_simulated_pressure_is_in_every_file(flow: Flow, tmp_path: Path) -> 
     assert "simulated pressure at 3 times" in result.summary()
 
 
+def test_the_paper_recipe_runs(flow: Flow) -> None:
+    result = identify(flow, Config(recipe="paper", steps=3, network__widths=(9, 7)))
+    assert (result.recipe, result.form, result.level) == ("paper", "strong", "V2")
+
+
 @pytest.mark.parametrize(
     "blind",
     [

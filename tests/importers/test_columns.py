@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import granpinn
@@ -16,6 +17,7 @@ from tests.importers.test_simulation_files import basilisk
 from tests.importers.test_surface import PHYSICAL, in_pixels
 
 GRAINS = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
+
 QUIET = {"surface": "none", "flip_y": "no"}
 
 
@@ -29,6 +31,17 @@ def series(folder: Path) -> list[Path]:
 
 
 CAMERA = {"scale": "0.5 mm/px", "pulse_delay": "1 ms", **GRAINS}
+
+
+def test_times_without_a_unit_are_no_numbers_of_frames(tmp_path: Path) -> None:
+    """Whatever the frames of the vectors are called; a setting states the unit."""
+    given = lines(tmp_path / "times.csv", "10", "20", "40")
+    vectors = in_pixels(time_unit="frames", velocity_unit="px/s")
+    settings = PHYSICAL | {"surface": "none", "times": given}
+    with pytest.raises(DataFileError, match=r"time_unit \(the files do not say the unit of t\)"):
+        read(vectors, **settings)
+    flow = read(vectors, **settings, time_unit="ms")
+    np.testing.assert_allclose(flow.t, [0.01, 0.02, 0.04])
 
 
 NO_TIMES = {

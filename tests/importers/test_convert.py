@@ -18,6 +18,7 @@ from tests.importers.test_pivlab_text import export
 from tests.importers.test_tracks import motion, write_csv
 
 MATERIAL = ["--grain-diameter", "2 mm", "--grain-density", "2500 kg/m^3", "--solid-fraction", "0.6"]
+
 CAMERA = ["--scale", "0.5 mm/px", "--frame-rate", "500 Hz"]
 
 
@@ -54,6 +55,14 @@ def test_pivlab_series(tmp_path: Path, series: list[str], capsys: Any) -> None:
     assert flow.surface is not None
     assert flow.attributes["scale"] == "0.5 mm/px"
     assert flow.attributes["source"] == "PIVlab text, any header"
+
+
+def test_interpolated_vectors_are_used_only_if_asked_for(tmp_path: Path, series: list[str]) -> None:
+    out = tmp_path / "flow.h5"
+    assert run(*series, "--out", out, *CAMERA, *MATERIAL, "--keep-interpolated") == 0
+    used = np.isfinite(read_flow(out).u)
+    codes = scene.codes()[:, ::-1]
+    np.testing.assert_array_equal(used, np.isin(codes, (Validity.VALID, Validity.INTERPOLATED)))
 
 
 def test_times_from_names(tmp_path: Path) -> None:

@@ -47,6 +47,7 @@ def fields(path: Path) -> Path:
 
 
 Read = Callable[[Path], Any]
+
 # Maker, dataset to attack, reader.
 CONTAINERS: dict[str, tuple[str, Callable[[Path], Path], str, Read]] = {
     "matlab": ("a.mat", matlab, "u", lambda p: read_vectors(p, "pivlab-mat")),
@@ -100,6 +101,20 @@ def test_a_careless_reader_would_open_the_other_file(
         with watched(outside) as opened, h5py.File(path) as file:
             assert file["u"][()] is not None
             assert opened()
+
+
+def test_one_matrix_named_by_a_thousand_cells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bytes that are read count, not those of the file."""
+    monkeypatch.setattr("granpinn.foreign.process.LEAST_BYTES", 2**20)
+    monkeypatch.setattr("granpinn.foreign.process.BYTES_PER_BYTE", 1)
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+        big = file.create_dataset("#refs#/a", data=np.zeros((100, 100)), compression="gzip")
+        for name in ("x", "y", "u_original", "v_original"):
+            file[name] = np.full((1, 1000), big.ref, h5py.ref_dtype)
+    with pytest.raises(DataFileError, match="must hold at most 0.000977 GiB of data"):
+        read_vectors(tmp_path / "a.mat", "pivlab-mat")
 
 
 def test_damaged_text_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

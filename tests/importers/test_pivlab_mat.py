@@ -114,6 +114,24 @@ def session(**options: Any) -> dict[str, Any]:
 WRITERS = pytest.mark.parametrize("write", [version_5, version_73])
 
 
+@WRITERS
+@pytest.mark.parametrize(
+    ("facts", "unit"),
+    [
+        ({"units": "[m] respectively [m/s]"}, "m/s"),
+        ({"units": "[m] respectively [m/frame]"}, "m/frame"),
+        ({"displacement_only": 1.0}, "m/frame"),
+        ({"units": "[\N{MICRO SIGN}m]"}, "m/s"),
+    ],
+)
+def test_calibrated_without_a_time_step(
+    tmp_path: Path, write: Writer, facts: dict[str, Any], unit: str
+) -> None:
+    """Meters per frame: taken for m/s they would be too slow by the frame rate."""
+    fields = read_vectors(write(tmp_path / "d.mat", all_frames(scene.METERS) | facts))
+    assert (fields.length_unit, fields.velocity_unit) == ("m", unit)
+
+
 def _transposed(variables: dict[str, Any]) -> None:
     variables["u_filtered"][1, 0] = variables["u_filtered"][1, 0].T
 

@@ -12,7 +12,9 @@ from granpinn.importers import Settings, convert
 from granpinn.importers.density import surface_of_grains
 
 D = 0.01
+
 TIMES = np.linspace(0, 1, 6)
+
 DOWN = (0.0, -9.81)
 
 
@@ -53,6 +55,12 @@ def test_the_edge_of_a_picture_is_no_surface() -> None:
     t, x, y = grains()
     inside = y < 0.1
     assert surface_of_grains(t[inside], x[inside], y[inside], D, DOWN) is None
+
+
+def test_one_grain_far_away_takes_no_memory() -> None:
+    t, x, y = grains()
+    x[3] = 1e30
+    assert surface_of_grains(t, x, y, D, DOWN) is None
 
 
 MATERIAL = {"grain_diameter": "10 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}

@@ -46,6 +46,9 @@ def path(fields: Fields, tmp_path: Path) -> Path:
     return path
 
 
+# ---- in memory -----------------------------------------------------------------------------------
+
+
 def test_a_frame_holds_the_values_of_its_points_and_nan_elsewhere(fields: Fields) -> None:
     assert fields.shape == fields.c.shape == (3, 9, 7)
     inside = fields.c == 1
@@ -54,6 +57,9 @@ def test_a_frame_holds_the_values_of_its_points_and_nan_elsewhere(fields: Fields
     assert grid.dtype == np.float32
     np.testing.assert_array_equal(np.isnan(grid), ~inside)
     np.testing.assert_array_equal(grid[inside], fields.values["p"])
+
+
+# ---- the file ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("known_pressure", [True, False])
@@ -100,6 +106,18 @@ def test_a_variable_that_is_appended_is_as_if_it_had_been_there(
     write_fields(fields, whole)
     assert described(part) == described(whole)
     assert read_fields(part).values.keys() == read_fields(whole).values.keys()
+
+
+def test_a_vector_that_is_missing_in_the_flow_stays_missing(tmp_path: Path) -> None:
+    flow = make_flow(frames=2)
+    u = flow.u.copy()
+    u[0, 0, 0] = np.nan
+    assert flow.c[0, 0, 0] == 1
+    fields = make_fields(replace(flow, u=u), u=1.0)
+    write_fields(fields, tmp_path / "fields.h5")
+    back = read_fields(tmp_path / "fields.h5")
+    assert np.isnan(back.frame("u_reference", 0)[0, 0])
+    assert back.frame("u", 0)[0, 0] == 1
 
 
 def test_h5py_finds_the_layout_of_a_flow_file(path: Path, fields: Fields) -> None:
@@ -157,6 +175,9 @@ def test_a_fault_while_writing_leaves_the_old_file(
         write_fields(fields, path)
     assert path.read_bytes() == before
     assert list(path.parent.iterdir()) == [path]
+
+
+# ---- files that are not right --------------------------------------------------------------------
 
 
 def replace_dataset(name: str, value: object) -> Callable[[h5py.File], None]:

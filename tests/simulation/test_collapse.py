@@ -61,6 +61,22 @@ def test_energy_is_lost_to_friction_alone() -> None:
     assert start - end == pytest.approx(lost, rel=0.02)
 
 
+def test_window_does_not_change_the_grains() -> None:
+    """A margin four times as wide, or the whole box: the same flow of grains."""
+    states = []
+    for overrides in ({}, {"margin": 32}, {"margin": -1}):
+        engine = Engine(small(), **overrides)
+        advance(engine, 2.0)
+        states.append(engine.state())
+    narrow, wide, whole = states
+    assert narrow.c.size < 0.6 * whole.c.size
+    for other in (wide, whole):
+        ny, nx = np.minimum(narrow.c.shape, other.c.shape)
+        grains = (narrow.c[:ny, :nx] == 1) & (other.c[:ny, :nx] == 1)
+        difference = (narrow.u_center[:ny, :nx] - other.u_center[:ny, :nx])[grains]
+        assert np.linalg.norm(difference) < 0.01 * np.linalg.norm(other.u_center[:ny, :nx][grains])
+
+
 def test_velocities_at_centers_are_means_of_two_faces() -> None:
     u = np.array([[0.0, 2.0, 6.0], [1.0, 1.0, -3.0]])  # faces x = 0, 1, 2 of 2 x 2 cells
     v = np.array([[0.0, 4.0], [2.0, 8.0], [5.0, -2.0]])  # faces y = 0, 1, 2

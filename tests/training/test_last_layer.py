@@ -19,6 +19,7 @@ from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training import equations
 from granpinn.training import last_layer as module
 from granpinn.training.elimination import solve
+from granpinn.training.equations import law_weights
 from granpinn.training.features import Features, coefficients, with_coefficients
 from granpinn.training.last_layer import ITERATIONS, improve, iterate, last_layer
 from granpinn.training.last_layer_sums import Data, Sums, Unknowns, choose, velocity_moments
@@ -27,8 +28,11 @@ from granpinn.training.problem import Problem
 from tests.runs import tiny
 
 SPEC = NetworkSpec((3, 9, 7, 5), (0.1, 0.2, 0.3), (1.1, 0.9, 0.7), "mixed")
+
 THETA = torch.tensor([0.4, 0.64, 0.3], dtype=torch.float64)
+
 WEIGHTS = [3.0, 5.0, 0.7, 0.4, 0.9]
+
 PHYSICS = Physics(0.025, 0.05, -1.0, 0.0, math.inf, 0.6, 0.2, 1e-6, 0.8, 0.5, 0.1)
 
 
@@ -166,6 +170,14 @@ def test_steps_end_at_an_exact_solution(seed: int) -> None:
     assert off[-1] < 1e-6, off
 
 
+def test_law_weights_fall_where_the_pressure_is_small() -> None:
+    p = torch.tensor([0.3, 0.15, 0.1, 1e-9], dtype=torch.float64)
+    w = law_weights(p, torch.full_like(p, 3.0))
+    assert w[2] == pytest.approx(2**-0.5)  # gamma_dot delta p / p = sigma
+    assert bool((w.diff() < 0).all())
+    assert 0 < w[3] < 1e-7
+
+
 def test_a_step_lowers_the_loss_and_is_short(seed: int) -> None:
     """Far from a solution the law does not move by more than a tenth, or nothing moves."""
     params, data = initial_parameters(SPEC, seed), draw(seed)
@@ -206,6 +218,14 @@ def test_steps_are_repeated_until_the_law_has_settled(
     monkeypatch.setattr(module, "relative_change", lambda *_: 1.0)
     iterate([sums], [start])
     assert len(seen) == 1
+
+
+def test_points_are_a_function_of_seed_and_step(seed: int) -> None:
+    data = draw(seed)
+    features = Features(SPEC, initial_parameters(SPEC, seed))
+    first, again, other = (choose(data, features, s, 7).points for s in (seed, seed, seed + 1))
+    assert torch.equal(first, again)
+    assert not torch.equal(first, other)
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
@@ -265,11 +285,3 @@ def test_a_time_limit_leaves_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
         start = Unknowns(coefficients(SPEC, params), THETA)
         iterate([sums_of(problem(), draw(0), params)], [start], until)
         assert len(made) == steps
-
-
-def test_points_are_a_function_of_seed_and_step(seed: int) -> None:
-    data = draw(seed)
-    features = Features(SPEC, initial_parameters(SPEC, seed))
-    first, again, other = (choose(data, features, s, 7).points for s in (seed, seed, seed + 1))
-    assert torch.equal(first, again)
-    assert not torch.equal(first, other)

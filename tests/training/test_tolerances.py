@@ -15,11 +15,13 @@ from granpinn.estimates.facts import STEPS, Facts
 from granpinn.physics.terms import NAMES
 from granpinn.simulation import demo_path
 from granpinn.training.tolerances import (
+    MOST_COLUMNS,
     RESOLVED,
     VelocityNoise,
+    law_rate,
     sigmas_of,
 )
-from tests.flows import make_flow
+from tests.flows import make_chute, make_flow
 
 ROUNDED = 2 ** (0.5 / STEPS) - 1
 
@@ -72,3 +74,19 @@ def test_tolerances_scale_with_the_flow() -> None:
     for name in NAMES:
         plain = sigma(name, fast, weights__units="dimensionless")
         assert plain == Config().weights.sigma(name)
+
+
+def test_the_momentum_of_a_mean_over_columns_fluctuates_less() -> None:
+    wide, narrow = make_chute(columns=36), make_chute(columns=16)
+    assert facts(wide).columns == 36
+    one = sigma("momentum", make_flow())
+    assert sigma("momentum", narrow) == pytest.approx(one / 4)
+    assert sigma("momentum", wide) == pytest.approx(one / MOST_COLUMNS**0.5)
+    assert sigma("constitutive", wide) == pytest.approx(sigma("constitutive", narrow), rel=0.2)
+
+
+def test_the_law_is_relative_above_a_shear_rate() -> None:
+    sigmas = [1.0] * (len(NAMES) - 1) + [0.06]
+    assert law_rate(sigmas, 0.03) == pytest.approx(2)
+    assert law_rate(sigmas, 0.0) == math.inf
+    assert law_rate([math.inf] * len(NAMES), 0.03) == math.inf

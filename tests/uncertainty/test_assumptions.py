@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from granpinn import results
+from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.fit import assumptions
 from granpinn.fit.case import pose
@@ -20,7 +21,10 @@ from granpinn.identification.batch import identify_many
 from granpinn.identification.single import identify
 from granpinn.results.assumed import Assumed
 from granpinn.uncertainty import sensitivity
+from granpinn.uncertainty.error_bars import judge
+from granpinn.uncertainty.error_model import Known
 from granpinn.uncertainty.sensitivity import Assumption, covariance, effects
+from tests.examples import make_result
 from tests.flows import make_flow
 from tests.runs import make_trainer, tiny
 
@@ -38,6 +42,18 @@ def test_the_covariance_of_assumptions() -> None:
     lost = dataclasses.replace(LINE, derivative=None)
     assert not covariance([lost], ("mu_s", "mu_2")).any()
     assert sensitivity.unknown([LINE, lost]) == ["surface line"]
+
+
+def test_no_error_bars_where_an_effect_is_not_known() -> None:
+    example = make_result()
+    assert example.members is not None
+    lost = dataclasses.replace(LINE, derivative=None, why=sensitivity.DIVERGED)
+    known = Known((0.02, 0.3), (0.4, 0.64))
+    arguments = example.members, example.residuals, known, Config(), False, ()
+    assert judge(*arguments, (LINE,)).bars is not None
+    found = judge(*arguments, (lost,))
+    assert (found.covariance, found.bars) == (None, None)
+    assert found.reason == "the effect of the surface line is not known"
 
 
 def test_the_derivative_is_the_difference_of_two_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
