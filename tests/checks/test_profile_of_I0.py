@@ -6,7 +6,9 @@ import json
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from granpinn.identification.start import start
 from granpinn.physics.terms import NAMES as TERMS
 from granpinn.results import InertialNumber, Parameter, Parameters, Result
 from granpinn.results.loss import Loss
+from tests.data.walled import FLOOR
 from tests.examples import make_result
 from tests.runs import tiny
 
@@ -70,6 +73,12 @@ def test_a_valley_gives_its_bottom() -> None:
     assert high is not None
     assert low < 0.26 < high
     assert [p.excluded for p in profile.points] == [True, True, False, True, True]
+    (_, draw) = profile.figures()["profile_of_I0"]
+    axes = draw(SimpleNamespace(result=make_result())).figure.axes
+    drawn = [
+        line.get_xdata() for line in axes[0].lines if line.get_label() in ("allowed", "excluded")
+    ]
+    assert sorted(np.concatenate(drawn)) == GRID
 
 
 def test_a_flat_loss_gives_no_number() -> None:
@@ -92,16 +101,18 @@ def test_a_slope_gives_a_bound(sign: int, status: str) -> None:
 
 def test_final_loss_is_that_of_all_points_below_the_highest_vectors(flow: Flow) -> None:
     config = tiny(dtype="float64", optimizer__average=0.3)
-    run = start([pose(flow, config)], config, None, None, time.monotonic())
+    run = start([pose(replace(flow, walls=FLOOR), config)], config, None, None, time.monotonic())
     run.train()
     found = final_loss(run.trainer, 0)
     assert found is not None
     objective = run.trainer.objective
     params, theta = run.trainer.solution(0)
     assert not torch.equal(params, run.trainer.params[0])  # the average
-    problem, strip = objective.members[0].problem, len(objective.members[0].data.strip)
-    assert strip > 0
-    held = objective.pool.at(slice(len(objective.pool.points) - strip), slice(None))
+    problem, data = objective.members[0].problem, objective.members[0].data
+    places = torch.arange(len(objective.pool.points))  # vectors, points between, strip, walls
+    first, walls = len(data.points) + len(data.between), len(places) - len(data.wall_points)
+    assert first < walls < len(places)
+    held = objective.pool.at(places[(places < first) | (places >= walls)], slice(None))
     terms = reference.loss_terms(params, theta, held, problem.spec, problem.physics)
     assert list(found.terms) == list(TERMS)
     velocity, equations = held.point_weights.mean(0)  # a part of all points

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from itertools import product
 from pathlib import Path
@@ -17,9 +18,12 @@ from granpinn.command.exit_codes import exit_code
 from granpinn.errors import BadInput, CannotGoOn, Interrupted
 
 COMMANDS = [name for name in cli.VERBS if name != "completion"]
+
 HEAVY = [name for name in COMMANDS if name != "doctor"]  # the doctor imports nothing at its start
+
 # A module that takes the place of a library and never ends its import.
 SLOW = "import os, time\nos.write(1, b'importing')\ntime.sleep(60)\n"
+
 OUTPUTS = {
     "completion": ["completion", "--help"],
     "help": ["--help"],
@@ -150,6 +154,9 @@ def test_too_little_memory_for_the_libraries_is_one_sentence(
     assert f"ulimit {flag} allows {kibibytes}: raise the limit" in message
 
 
+# ---- the boundary in this process ----------------------------------------------------------------
+
+
 @pytest.mark.parametrize(
     ("error", "code", "text"),
     [
@@ -196,6 +203,21 @@ def test_a_bug_names_its_place_and_shows_its_traceback_on_demand(
     monkeypatch.setenv("GRANPINN_DEBUG", "1")
     assert cli.main(["--help"]) == 1
     assert capsys.readouterr().err.startswith("Traceback (most recent call last)")
+
+
+def test_signals_interrupt_the_run_and_handlers_are_put_back() -> None:
+    before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
+    for signum in (signal.SIGINT, signal.SIGTERM):
+        assert exit_code("verb", lambda s=signum: signal.raise_signal(s)) == 128 + signum
+    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+def test_outside_the_main_thread_a_command_runs_without_handlers() -> None:
+    codes: list[int] = []
+    thread = threading.Thread(target=lambda: codes.append(exit_code("verb", lambda: 3)))
+    thread.start()
+    thread.join()
+    assert codes == [3]
 
 
 def test_a_second_signal_ends_the_process_at_once() -> None:

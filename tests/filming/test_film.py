@@ -17,12 +17,16 @@ import granpinn
 from granpinn.data import read_flow
 from granpinn.filming import FilmSettings, measured
 from granpinn.filming.frames import opened
+from granpinn.filming.segmentation import segmented
 from granpinn.filming.tracking import follow
 from granpinn.importers import DataFileError
 
 ROWS, COLUMNS, TOP = 120, 200, 40  # px; the grains lie below row TOP
+
 GRAIN = 6.0  # px
+
 STILL = 5  # frames before the release
+
 LAB: dict[str, Any] = {
     "scale": "0.1 mm/px",
     "frame_rate": "300 Hz",
@@ -224,3 +228,11 @@ def test_subpixel_shift_is_found(shot: list[Any]) -> None:
     places = np.stack(np.meshgrid(np.arange(30, 170, 20.0), np.arange(60, 100, 10.0)), -1)
     found = follow(shot[0], moved, places.reshape(-1, 2), 11)
     assert np.median(found.moved, axis=0) == pytest.approx([1.3, -0.6], abs=0.05)
+
+
+def test_dark_grains_before_a_bright_wall_are_the_rough_class(shot: list[Any]) -> None:
+    found = segmented([255 - p for p in shot[::8]], GRAIN)
+    assert found.useful
+    level = found.level(255 - shot[0])
+    assert level[-3:].mean() > 0.6
+    assert level[:5].mean() < 0.1

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn import identify, load, results, simulate
+from granpinn import Identification, identify, load, results, simulate
 from granpinn.command import training_run
 from granpinn.commands.train import parse
 from granpinn.config import ConfigError
@@ -178,3 +178,14 @@ def test_a_flow_that_determines_nothing_is_refused(
     )
     with pytest.raises(ConfigError, match="walls all around; leave this flow out"):
         identify([flow, OTHER], tiny(), one_law=True)
+
+
+def test_a_check_trains_the_flows_apart(flow: Flow) -> None:
+    found: Identification = identify([flow, OTHER], tiny(checks="shared_law"), one_law=True)
+    assert found.not_done == {}
+    check = found.checks["shared_law"]
+    alone = identify(OTHER, tiny(checks="none"))
+    assert [law.name for law in check.flows] == ["in memory"] * 2
+    mu = alone.friction_law.friction(np.array(check.flows[1].I), *alone.theta)
+    np.testing.assert_allclose(check.flows[1].mu, mu, rtol=1e-6)
+    assert check.words in found.summary()

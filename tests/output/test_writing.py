@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 import pytest
 
 from granpinn.output import OutputError, hdf5_file, replacing, write_bytes, write_text
@@ -28,6 +29,7 @@ FAULTS = [
     (os, "open", 3, "new"),
     (os, "fsync", 2, "new"),
 ]
+
 TARGETS = ["folder", "link", "dangling link", "FIFO", "socket", "device"]
 
 
@@ -209,3 +211,15 @@ def test_a_file_is_extended_or_stays(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"a\.h5 could not be written"):
         hdf5_file(path, extend=True).__enter__()
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_stream_gives_the_same_hdf5_file_as_a_path(tmp_path: Path) -> None:
+    def fill(file: h5py.File) -> None:
+        data = file.create_dataset("u", data=np.arange(1e5), chunks=(1000,), compression="gzip")
+        data.attrs["units"] = "m/s"
+
+    with hdf5_file(tmp_path / "stream.h5") as file:
+        fill(file)
+    with h5py.File(tmp_path / "path.h5", "w") as file:
+        fill(file)
+    assert (tmp_path / "stream.h5").read_bytes() == (tmp_path / "path.h5").read_bytes()

@@ -41,6 +41,23 @@ def test_the_true_law_gives_the_data_back(flow: Flow) -> None:
     assert "no fit of the simulator, which exists for collapses alone" in str(summary)
 
 
+def test_the_columns_of_the_data_are_their_own(flow: Flow) -> None:
+    """A file with other columns and coarser rows, which does not state the grid of a solver."""
+    stated = {k: v for k, v in flow.attributes.items() if k != "grid_spacing_of_solver"}
+    coarse = dataclasses.replace(
+        flow,
+        attributes={**stated, "period_x": 100.0},
+        x=np.array([3.0, 20.0, 55.0]),
+        y=flow.y[::2],
+        **{name: getattr(flow, name)[:, ::2, :3] for name in ("u", "v", "c", "p")},
+    )
+    summary = resimulate(coarse, DEFAULT, LAW)
+    assert summary.cells == 32
+    assert summary.common_percent == 100
+    assert summary.velocity_percent is not None
+    assert summary.velocity_percent < 3  # 16 cells against 32, from rest
+
+
 def steady_velocity(flow: Flow) -> simulated_pressure.Velocity:
     """The velocity of a file of one frame at any height."""
     full = flow.material[0, :, 0]

@@ -12,13 +12,14 @@ from granpinn.data.flow import Particles, Surface
 from granpinn.data.particles import particle_flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion.comparison import interpolation
-from granpinn.second_opinion.sampled import Sampler
+from granpinn.second_opinion.sampled import Sampler, crossings
 from granpinn.second_opinion.scenes import scene_of
 from granpinn.simulation import Collapse, simulate
 from granpinn.simulation.progress import SilentSimulation
 from granpinn.simulation.run import record
 
 LAW = (0.4, 0.64, 0.3)
+
 CONSTANTS = ("gravity", "density", "grain_diameter", "length_unit", "time_unit", "walls")
 
 
@@ -133,3 +134,18 @@ def test_measured_pressure_on_the_line_is_simulated(flow: Flow) -> None:
     assert surface.p.shape == flow.surface.p.shape
     # The simulation has the pressure of air there, small beside that of 10 of grains.
     assert float(np.abs(surface.p).max()) < 0.5
+
+
+def test_crossings_of_a_block() -> None:
+    c = np.zeros((6, 6))
+    c[:3, :2] = 1
+    c[3, :2] = 0.25
+    places = crossings(c, 0.5)
+    top = places[places[:, 0] < 0.8]
+    # c falls from 1 at y = 1.25 to 0.25 at 1.75: it is 1/2 at 2/3 of the way.
+    np.testing.assert_allclose(sorted({x for x, _ in top.round(9)}), [0.0, 0.25, 0.75])
+    np.testing.assert_allclose(top[:, 1], 1.25 + 0.5 * 2 / 3)
+    side = places[places[:, 0] >= 0.8]
+    np.testing.assert_allclose(side[:, 0], 1.0)
+    np.testing.assert_allclose(sorted(side[:, 1]), [0.0, 0.25, 0.75, 1.25])
+    assert crossings(np.ones((4, 4)), 1.0).shape == (0, 2)

@@ -15,9 +15,10 @@ from granpinn.commands import simulate as command
 from granpinn.figures.animation import animate
 from granpinn.simulation import PAPER_CASES, Collapse, SimulationError
 from granpinn.simulation.engine import Engine, StepReport
-from granpinn.simulation.progress import SilentSimulation
+from granpinn.simulation.progress import SilentSimulation, SimulationLines
 
 COARSE = {"cells": 64, "frames": 4, "t_end": 1.0, "stride": 2, "threads": 1}
+
 FLAGS = [text for name, v in COARSE.items() for text in (f"--{name.replace('_', '-')}", str(v))]
 
 # The command with a line for every step.
@@ -168,3 +169,11 @@ def test_figures_and_animation(tmp_path: Path) -> None:
     assert gif.read_bytes()[:6] == b"GIF89a"
     assert animate(granpinn.read_flow(out), gif) == gif
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.gif", "a.h5", "figures"]
+
+
+def test_progress_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    granpinn.simulate(listener=SimulationLines(every=0.0), **COARSE)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) >= 4
+    assert "iterations" in lines[-1]
+    assert "s left" in lines[-1]

@@ -7,10 +7,12 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from granpinn.commands.tables import main
-from granpinn.data import Truth, write_flow
+from granpinn.data import Truth, read_flow, write_flow
+from granpinn.tables import flows
 from tests.flows import make_flow
 from tests.page import Page
 
@@ -163,3 +165,18 @@ def test_every_level_is_a_batch_and_a_table(
     assert "4 trainings of 20 steps as 2 batches" in shown
     page = Page((tmp_path / "tables.html").read_text(encoding="utf-8"))
     assert page.text.count("53 % in mu_s") == 1
+
+
+def test_simulated_flows_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(flows, "PAPER_CASES", ((0.2, 0.32), (0.6, 0.84)))
+    said: list[str] = []
+    first = flows.six_regimes(tmp_path, 64, 2, said.append)
+    assert [f.truth and f.truth.mu_2 for f in first] == [0.32, 0.84]
+    assert any("simulated collapse_0.20_0.32.h5" in text for text in said)
+    said.clear()
+    (tmp_path / "collapse_0.60_0.84.h5").unlink()
+    write_flow(make_flow(), tmp_path / "collapse_0.60_0.84.h5")  # not what belongs there
+    again = flows.six_regimes(tmp_path, 64, 2, said.append)
+    assert not any("0.20_0.32" in text for text in said)
+    np.testing.assert_array_equal(again[1].u, first[1].u)
+    assert read_flow(tmp_path / "collapse_0.60_0.84.h5").attributes["stride"] == 2
