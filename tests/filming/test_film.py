@@ -86,6 +86,17 @@ def test_velocity_surface_and_release(shot: list[Any], tmp_path: Path) -> None:
     assert flow.particles.u.max() == pytest.approx(speed(TOP, 20) * 1e-4 * 300, rel=0.1)
     assert flow.stated("surface_sd") == pytest.approx(0.1 * 0.6e-3)
     assert flow.t[0] > 0
+    assert flow.surface is not None
+    below = np.median(flow.surface.y) - flow.particles.y.max()
+    assert 0.6 * GRAIN < below * 1e4 < 1.5 * GRAIN  # a window of 1.5 grains ends at the surface
+
+
+def test_the_time_of_the_first_frame_may_be_given(shot: list[Any], tmp_path: Path) -> None:
+    pattern = save(shot, tmp_path / "a")
+    found, given = (granpinn.film(pattern, **LAB, **more) for more in ({}, {"start": "50 ms"}))
+    step = float(np.diff(found.t)[0])
+    assert (given.t[0] - 0.05) / step == pytest.approx(round((given.t[0] - 0.05) / step), abs=0.01)
+    assert given.t - given.t[0] == pytest.approx(found.t - found.t[0])
 
 
 def test_command_writes_flow_and_page(

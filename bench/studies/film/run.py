@@ -1,0 +1,179 @@
+"""Film against truth: python -m bench.studies.film.run SCENE... --out FOLDER [--steps N]
+
+A scene is KIND_SEED_GRAIN, such as collapse_401_6. For each, the film is rendered, measured with
+`granpinn.film`, and compared with the simulation; with --steps the law is identified twice, from
+the film and from the true vectors at the same places and times. Rows go to FOLDER/rows.csv.
+
+Defends: 68 % of the vectors are within one standard deviation, the surface within half a grain.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import dataclasses
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from bench.studies.film import render, scenes
+from granpinn.data import Flow, read_flow, write_flow
+from granpinn.filming import FilmSettings
+from granpinn.filming.measurement import measure
+from granpinn.identification.single import identify
+from granpinn.inspection import Inspection
+from granpinn.results import Result
+
+I_0 = 0.3  # of the simulated and of the identified law
+NEAR = 3.0  # grain diameters from the surface or a wall
+
+
+def measured(name: str, folder: Path) -> tuple[scenes.Scene, Flow, dict[str, Any]]:
+    """A scene, the flow of its film, and a row of the table."""
+    kind, seed, grain = name.split("_")
+    scene: scenes.Scene = getattr(scenes, kind)(int(seed), grain=float(grain))
+    shot = scene.shot
+    frames = folder / name
+    if len([*frames.glob("*.png")]) < shot.frames:
+        render.write(scene.field, shot, frames)
+    begin = time.monotonic()
+    found = measure(str(frames / "*.png"), FilmSettings(**scene.settings()))
+    seconds = time.monotonic() - begin
+    flow, line = found.flow, found.line
+    particles = flow.particles
+    assert particles is not None
+    assert line is not None
+    row: dict[str, Any] = {"scene": name, "vectors": particles.u.size, "seconds": round(seconds, 1)}
+    row["release_frames"] = round((found.judgement.release or 0.0) + shot.first, 2)
+    errors, sds, speeds, aboves, walls = [], [], [], [], []
+    for field in found.fields:
+        good = field.vectors.kept()
+        t = (field.number + shot.first) / shot.rate
+        x = (good.x + 0.5) * shot.pixel
+        y = (shot.rows - good.y - 0.5) * shot.pixel
+        u, v = scene.field.velocity(t, x, y) / (shot.pixel * shot.rate)
+        errors += [good.u - u, good.v + v]
+        sds += [good.sd, good.sd]
+        now = line.t == field.number
+        tree = cKDTree(np.stack([line.x[now], line.y[now]], -1))
+        above = tree.query(np.stack([good.x, shot.rows - good.y], -1))[0] / shot.grain
+        wall = np.minimum(shot.rows - good.y, good.x if kind == "collapse" else np.inf)
+        speeds += [np.hypot(u, v)] * 2
+        aboves += [above] * 2
+        walls += [wall / shot.grain] * 2
+        fraction = _offset(scene, line.x[now], line.y[now], t)
+        row.setdefault("surface_grains", []).append(fraction)
+    error, sd, speed, above, wall = map(np.concatenate, (errors, sds, speeds, aboves, walls))
+    within = np.abs(error) < sd
+    slow, fast = np.quantile(speed, (1 / 3, 2 / 3))
+    parts = {
+        "slow": speed < slow,
+        "fast": speed > fast,
+        "surface": above < NEAR,
+        "wall": wall < NEAR,
+    }
+    row["rms_over_speed"] = round(float(np.sqrt(np.mean(error**2) / np.mean(speed**2) * 2)), 4)
+    row["within_all"] = round(float(within.mean()), 3)
+    row |= {f"within_{k}": round(float(within[m].mean()), 3) for k, m in parts.items()}
+    row["surface_grains"] = round(float(np.mean(row["surface_grains"])), 3)
+    return scene, flow, row
+
+
+def _offset(scene: scenes.Scene, x: Any, y: Any, t: float) -> float:
+    """Median height of the traced line above c = 1/2 of the simulation, grain diameters."""
+    shot = scene.shot
+    heights = np.arange(-4, 4.01, 0.1) * shot.grain
+    offsets = []
+    for column, height in zip(x, y, strict=True):
+        place = (height + heights) * shot.pixel
+        c = scene.field.fraction(t, np.full(place.size, column * shot.pixel), place)
+        if c[0] > 0.5 > c[-1]:
+            offsets.append(-float(np.interp(0.5, c[::-1], heights[::-1])))
+    return float(np.median(offsets)) / shot.grain
+
+
+def true_flow(scene: scenes.Scene, flow: Flow, release: float) -> Flow:
+    """The flow with the velocity of the simulation in the place of the measured one.
+
+    Args:
+        release: the release that was found, frames after the true one.
+    """
+    p = flow.particles
+    assert p is not None
+    u, v = scene.true_velocity(p.t + release / scene.shot.rate, p.x, p.y)
+    exact = dataclasses.replace(p, u=u, v=v, sigma_u=None, sigma_v=None)
+    return dataclasses.replace(flow, particles=exact)
+
+
+def laws(
+    scene: scenes.Scene, flow: Flow, release: float, path: Path, steps: int
+) -> dict[str, float]:
+    """Laws from the film, from true vectors at its places and times, and of the simulation.
+
+    Differences of mu(I) are relative and rms over log I between its 5 % and 95 % quantiles.
+    """
+    true = true_flow(scene, flow, release)
+    low, high = Inspection(true).inertia.quantiles(0.05, 0.95) or (math.nan, math.nan)
+    I = np.geomspace(low, high, 30)
+    row: dict[str, float] = {"I_low": low, "I_high": high}
+    curves = {}
+    for key, one in {"film": flow, "true": true, "simulation": None}.items():
+        if one is None:
+            assert scene.flow.truth is not None
+            mu_s, mu_2 = scene.flow.truth.mu_s, scene.flow.truth.mu_2
+        else:
+            file = Path(f"{path}_{key}.h5")
+            write_flow(one, file)
+            result = identify(read_flow(file), steps=steps, checks="quick")
+            mu_s, mu_2 = (float(result.parameters[n].value) for n in ("mu_s", "mu_2"))
+            row |= _held(result, scene, key)
+        row |= {f"mu_s_{key}": mu_s, f"mu_2_{key}": mu_2}
+        curves[key] = mu_s + (mu_2 - mu_s) * I / (I + I_0)
+    for a, b in (("film", "true"), ("film", "simulation"), ("true", "simulation")):
+        row[f"{a}_to_{b}"] = float(np.sqrt(np.mean((curves[a] / curves[b] - 1) ** 2)))
+    return {name: round(value, 4) for name, value in row.items()}
+
+
+def _held(result: Result, scene: scenes.Scene, key: str) -> dict[str, float]:
+    """Whether the 90 % interval of mu_s holds, and for which share of the I that of mu(I) does."""
+    truth = scene.flow.truth
+    assert truth is not None
+    ends = result.parameters["mu_s"].interval_90
+    row = {f"mu_s_held_{key}": math.nan if ends is None else ends[0] <= truth.mu_s <= ends[1]}
+    curve = result.law.curve
+    if curve is not None and curve.low is not None and curve.high is not None:
+        I = np.array(curve.I)
+        mu = truth.mu_s + (truth.mu_2 - truth.mu_s) * I / (I + I_0)
+        held = (np.array(curve.low) <= mu) & (mu <= np.array(curve.high))
+        width = np.log(np.array(curve.high) / np.array(curve.low)) / 2
+        row |= {f"band_held_{key}": float(held.mean()), f"band_{key}": float(width.mean())}
+    return row
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--steps", type=int, default=0)
+    own = parser.parse_args()
+    rows = []
+    for name in own.scenes:
+        scene, flow, row = measured(name, own.out)
+        print(row, flush=True)
+        if own.steps:
+            row |= laws(scene, flow, row["release_frames"], own.out / name, own.steps)
+        rows.append(row)
+        print(row, flush=True)
+    names = list(dict.fromkeys(key for row in rows for key in row))
+    with (own.out / "rows.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+if __name__ == "__main__":
+    main()
