@@ -178,9 +178,8 @@ def gathered(rows: Iterable[dict[str, Any]]) -> Record:
         "warnings": warnings,
         "files opened by libraries": "watched" if watched else "not",
     }
-    # A format counts as not run only if no run had its library.
-    if left := {pair: names for pair, names in missing.items() if pair not in tables}:
-        record.details["not run"] = left
+    if missing:
+        record.details["not run"] = missing
     return record
 
 
