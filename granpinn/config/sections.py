@@ -243,16 +243,6 @@ class PressureSettings:
 
 @settings_group
 @dataclass(frozen=True)
-class Calibration:
-    """The flows that --calibrate simulates with the identified law and identifies again."""
-
-    flows: int = setting(
-        6, "simulated flows; the standard error of a bias is scatter/sqrt(flows)", low=2, high=999
-    )
-
-
-@settings_group
-@dataclass(frozen=True)
 class ResimulationSettings:
     """The simulation that --resimulate compares with the data."""
 

@@ -26,7 +26,6 @@ from granpinn.config.fields import (
 from granpinn.config.recipes import RECIPES
 from granpinn.config.sections import (
     Batch,
-    Calibration,
     Network,
     Optimizer,
     PressureSettings,
@@ -155,12 +154,6 @@ class Config:
         "of --max-time",
         free=True,
     )
-    calibrate: bool = setting(
-        False,
-        "after the training, simulate flows with the identified law, identify them in the same way "
-        "and show bias and scatter (group calibration); its time is not part of --max-time",
-        free=True,
-    )
     resume: bool = setting(False, "continue the run in --out from its newest checkpoint", free=True)
     tensorboard: bool = setting(False, "also write TensorBoard events to --out", free=True)
     network: Network = section(Network)
@@ -172,7 +165,6 @@ class Config:
     simulated_pressure: PressureSettings = section(PressureSettings, free=True)
     profile: ProfileSettings = section(ProfileSettings, free=True)
     resimulation: ResimulationSettings = section(ResimulationSettings, free=True)
-    calibration: Calibration = section(Calibration, free=True)
     # The recipe of the Config that `dataclasses.replace` copies; replace passes it on.
     _copied: InitVar[str] = ""
 

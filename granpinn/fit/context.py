@@ -123,6 +123,5 @@ def values_alone(config: Config) -> Config:
         compare_laws=False,
         free_I0=False,
         resimulate=False,
-        calibrate=False,
         tensorboard=False,
     )

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from granpinn import checks, identify, identify_many, results
-from granpinn.checks import bootstrap, profile_of_I0, resimulation
+from granpinn.checks import profile_of_I0, resimulation
 from granpinn.checks import simulated_pressure as pressure_check
 from granpinn.data import Flow
 from granpinn.errors import Interrupted
@@ -150,7 +150,7 @@ def test_fields_that_cannot_be_made_leave_the_values(
     assert result.loss is not None
 
 
-@pytest.mark.parametrize("flag", ["--free-I0", "--resimulate", "--calibrate"])
+@pytest.mark.parametrize("flag", ["--free-I0", "--resimulate"])
 @pytest.mark.usefixtures("no_report")
 def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
     flag: str,
@@ -160,7 +160,6 @@ def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(profile_of_I0, "profile_I0", raising(KeyError("a bug")))
-    monkeypatch.setattr(bootstrap, "bootstrap", raising(KeyError("a bug")))
     monkeypatch.setattr(resimulation, "resimulate", raising(KeyError("a bug")))
     assert run(flow_file, "--out", tmp_path / "run", flag) == 1
     out, err = capsys.readouterr()
@@ -170,17 +169,6 @@ def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
     result = results.read_results(tmp_path / "run" / "results.json")
     assert len(missing(result)) == 1
     assert PRESSURE in result.checks
-
-
-@pytest.mark.usefixtures("no_report")
-def test_a_kill_in_simulated_flows_leaves_them_pending(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(profile_of_I0, "profile_I0", raising(KeyError("a bug")))
-    monkeypatch.setattr(bootstrap, "bootstrap", raising(KeyboardInterrupt()))
-    assert run(flow_file, "--out", tmp_path / "run", "--free-I0", "--calibrate") == 130
-    result = results.read_results(tmp_path / "run" / "results.json")
-    assert missing(result) == {"bootstrap": PENDING, "profile_of_I0": "KeyError: 'a bug'"}
 
 
 @pytest.mark.usefixtures("no_report")

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from granpinn.checks.bootstrap import Bootstrap, Recovery
 from granpinn.checks.comparison_of_laws import LawComparison
 from granpinn.checks.momentum_balance import Difference, MomentumBalance
 from granpinn.inspection.momentum_balance import Baseline
@@ -90,12 +89,6 @@ def outside() -> dict[str, Any]:
     return {"error_bars": replace(EXAMPLE.error_bars, outside=("mu_2/mu_s = 2.9 (tested: to 2)",))}
 
 
-def bootstrap(rms: float) -> dict[str, Any]:
-    row = Recovery(0.4, 0.0, 0.01, 0.01, 0.01, rms, 0.01, 0.02)
-    record = Bootstrap(None, flows=4, parameters={"mu_s": row, "mu_2": row})
-    return {"checks": {"bootstrap": record}}
-
-
 def of_flows(grade: str) -> dict[str, Any]:
     limited = Assessment(grade, "a headline", ("It is noisy.",))
     bad = replace(EXAMPLE.input, name="b.h5")
@@ -163,8 +156,6 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     ),
     "one of its flows": (of_flows("care"), "care", "b.h5: It is noisy."),
     "a bad one of its flows": (of_flows("do not use"), "do not use", "b.h5: It is noisy."),
-    "narrow": (bootstrap(0.05), "care", "The error bars may be too narrow: the rms error of"),
-    "narrow by chance": (bootstrap(0.03), "good", "mu(I) is known to"),
 }
 
 
