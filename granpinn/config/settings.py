@@ -87,8 +87,7 @@ class Config:
     )
     recipe: str = setting(
         "default",
-        "set of settings to start from: the best for most data, the best for noise above a tenth "
-        "of the largest speed, or the paper to the letter",
+        "set of settings to start from: the best for most data, or the paper to the letter",
         choices=tuple(RECIPES),
     )
     noise: float = setting(
