@@ -29,7 +29,7 @@ from granpinn.data.flow import Flow
 from granpinn.output import make_folder, objection_to_file, objection_to_folder
 from granpinn.physics.laws import mu_of_i
 from granpinn.simulation import PAPER_CASES, Chute, Collapse, Scene, Silo, simulate
-from granpinn.simulation.progress import automatic
+from granpinn.simulation.progress import lines
 from granpinn.simulation.scene import law_settings
 
 EXAMPLES = """examples:
@@ -150,7 +150,9 @@ def run(argv: Sequence[str]) -> int:
 
 def _one(scene: Scene, out: Path, figures: Path | None) -> Flow:
     """Simulates one scene; its figures are named after the flow file."""
-    flow = simulate(scene, out=out, listener=automatic())
+    t_end = scene.resolved().t_end
+    assert t_end is not None
+    flow = simulate(scene, out=out, listener=lines(t_end))
     print(f"flow file: {out}")
     if figures is not None:
         from granpinn.figures.simulation import save_figures

@@ -35,7 +35,7 @@ from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.results.record import make
-from granpinn.second_opinion.threads import threads
+from granpinn.simulation.threads import threads
 from granpinn.training.parallel import gather_texts, processes
 from granpinn.training.progress import Progress
 

@@ -22,7 +22,7 @@ from granpinn.identification.start import CHECKS, ERROR_BARS, histories, prepare
 from granpinn.output import owned
 from granpinn.results import Result
 from granpinn.results.record import make
-from granpinn.second_opinion.threads import threads
+from granpinn.simulation.threads import threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row
 from granpinn.training.parallel import processes

@@ -12,20 +12,19 @@ import pytest
 
 from granpinn import results
 from granpinn.checks import profile_of_I0, simulator_fit
-from granpinn.checks.resimulation import Resimulation, resimulate
+from granpinn.checks.resimulation import Curves, Resimulation, compare, fronts, resimulate
 from granpinn.commands import train
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.results.decoding import decode
-from granpinn.second_opinion.comparison import (
-    Comparison,
-    compare,
-    fronts,
-    interpolation,
-    surface_heights,
-)
-from granpinn.second_opinion.scenes import GrainColumn, collapse_of, initial_column
 from granpinn.simulation import Collapse, simulate
+from granpinn.simulation.likeness import (
+    GrainColumn,
+    collapse_of,
+    heights,
+    initial_column,
+    interpolation,
+)
 from tests.command.late_parts import raising
 from tests.flows import make_flow
 
@@ -47,9 +46,9 @@ def flow_file(flow: Flow, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def curves_of(found: Resimulation) -> Comparison:
+def curves_of(found: Resimulation) -> Curves:
     assert found.curves is not None
-    return found.curves.comparison()
+    return found.curves
 
 
 def test_the_true_law_gives_the_data_back(flow: Flow) -> None:
@@ -61,7 +60,7 @@ def test_the_true_law_gives_the_data_back(flow: Flow) -> None:
     assert summary.common_percent == 100
     assert summary.velocity_percent == 0
     assert summary.front_percent == summary.profile_percent == 0
-    np.testing.assert_array_equal(comparison.t, flow.t)
+    np.testing.assert_array_equal(comparison.array("t"), flow.t)
 
 
 def test_another_law_does_not(flow: Flow) -> None:
@@ -71,8 +70,9 @@ def test_another_law_does_not(flow: Flow) -> None:
     assert summary.front_percent is not None
     assert summary.velocity_percent > 5
     assert summary.front_percent > 1
-    assert comparison.front_simulated[-1] > comparison.front[-1]  # it slides further
-    assert comparison.velocity_percent[-1] > comparison.velocity_percent[2]
+    front, slid, error = map(comparison.array, ("front", "front_simulated", "velocity_percent"))
+    assert slid[-1] > front[-1]  # it slides further
+    assert error[-1] > error[2]
 
 
 def late(flow: Flow) -> Flow:
@@ -174,15 +174,14 @@ def test_front_and_heights_of_a_block(flow: Flow) -> None:
     block = dataclasses.replace(flow, c=c)
     dx, dy = np.diff(flow.x)[0], np.diff(flow.y)[0]
     np.testing.assert_allclose(fronts(block), flow.x[2] + dx * 0.5 / 0.75)
-    np.testing.assert_allclose(surface_heights(block)[0, :4], [4 * dy] * 3 + [dy])
+    np.testing.assert_allclose(heights(block)[0, :4], [4 * dy] * 3 + [dy])
 
 
 def test_the_record_comes_back(flow: Flow) -> None:
     found = resimulate(flow, DEFAULT, law(0.3, 0.5))
     text = json.dumps(dataclasses.asdict(found), allow_nan=False)
     assert decode(Resimulation, json.loads(text)) == found
-    own, _ = compare(flow, flow)
-    assert not own.velocity_percent.any()
+    assert not compare(flow, flow).curves.array("velocity_percent").any()
 
 
 def test_the_command_shows_it(

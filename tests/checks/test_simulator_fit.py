@@ -16,13 +16,9 @@ from granpinn.checks.simulator_fit import NARROWEST, SimulatorFit, asked_for, fi
 from granpinn.data import Flow, add_noise
 from granpinn.physics.laws import DEFAULT
 from granpinn.results.decoding import decode
-from granpinn.second_opinion import law_runs
-from granpinn.second_opinion.comparison import interpolation
-from granpinn.second_opinion.law_runs import AtPoints, LawRuns
-from granpinn.second_opinion.scenes import GrainColumn, initial_column
-from granpinn.simulation import Collapse, simulate
-from granpinn.simulation.progress import SilentSimulation
-from granpinn.simulation.run import record
+from granpinn.simulation import Collapse, law_runs, simulate
+from granpinn.simulation.law_runs import LawRuns, velocity_at
+from granpinn.simulation.likeness import GrainColumn, initial_column, interpolation
 
 LAW = (0.4, 0.64)
 
@@ -168,15 +164,12 @@ def test_what_is_taken_of_a_run_is_what_a_recorder_keeps(flow: Flow) -> None:
     assert isinstance(column, GrainColumn)
     collapse = law_runs.collapse_of(flow, column, DEFAULT, (*LAW, 0.3), 56)
     points = np.flatnonzero(flow.valid)[::7]
-    taken = AtPoints(collapse, flow, points)
-    record(taken, SilentSimulation(), flow.t.tolist())
+    taken = velocity_at(collapse, flow, points)
     whole = simulate(collapse)
     at = interpolation(whole, flow)
     expected = np.stack([[at(frame) for frame in field] for field in (whole.u, whole.v)])
     # The recorder rounds to float32 before the interpolation.
-    np.testing.assert_allclose(
-        taken.velocity(), expected.reshape(2, -1)[:, points], rtol=1e-5, atol=1e-6
-    )
+    np.testing.assert_allclose(taken, expected.reshape(2, -1)[:, points], rtol=1e-5, atol=1e-6)
 
 
 def test_products_are_over_the_points_that_all_have(

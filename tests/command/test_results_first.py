@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from granpinn import checks, identify, identify_many, results
-from granpinn.checks import profile_of_I0, resimulation
+from granpinn.checks import profile_of_I0, resimulation, simulated_pressure
 from granpinn.checks import simulated_pressure as pressure_check
 from granpinn.data import Flow
 from granpinn.errors import Interrupted
@@ -17,7 +17,6 @@ from granpinn.fit.case import Case
 from granpinn.identification.answer import ASSUMPTIONS, CURVE, FIELDS
 from granpinn.output import OutputError
 from granpinn.results.attempt import PENDING, NotDone, attempt
-from granpinn.second_opinion import simulated_pressure
 from granpinn.simulation import SimulationError
 from tests.command.late_parts import FILES, missing, raising, run
 from tests.runs import tiny

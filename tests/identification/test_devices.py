@@ -19,7 +19,12 @@ import pytest
 import torch
 
 from granpinn import results
-from granpinn.checks.simulated_pressure import velocity_of, with_simulated_pressure
+from granpinn.checks.simulated_pressure import (
+    Pressures,
+    at_frames,
+    velocity_of,
+    with_simulated_pressure,
+)
 from granpinn.commands import tables, train
 from granpinn.data import Flow, write_flow
 from granpinn.data.norms import relative_l2
@@ -27,7 +32,6 @@ from granpinn.fit.case import Model, members, pose
 from granpinn.fit.prediction import predict
 from granpinn.identification.start import start
 from granpinn.physics.laws import DEFAULT
-from granpinn.second_opinion.simulated_pressure import Pressures, at_frames
 from tests.flows import make_flow
 from tests.runs import tiny
 

@@ -11,6 +11,7 @@ import pytest
 
 from granpinn import results
 from granpinn.checks.resimulation import resimulate
+from granpinn.checks.simulated_pressure import usable_frames
 from granpinn.commands.train import main
 from granpinn.config import Config
 from granpinn.data import Flow, add_noise, write_flow
@@ -20,7 +21,6 @@ from granpinn.identification.single import identify
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import read_fields
 from granpinn.results.zones import after_start
-from granpinn.second_opinion.simulated_pressure import usable_frames
 from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.progress import Silent
 from granpinn.uncertainty.error_bars import judge

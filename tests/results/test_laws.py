@@ -27,7 +27,7 @@ from granpinn.results import (
 )
 from granpinn.results.records import Members
 from granpinn.results.summary import friction_sd, summarize
-from granpinn.second_opinion.scenes import GrainColumn, collapse_of
+from granpinn.simulation.likeness import GrainColumn, collapse_of
 from granpinn.uncertainty.curve import with_curve
 from granpinn.uncertainty.error_bars import center, judge, nearest
 from tests.examples import make_fields, make_result

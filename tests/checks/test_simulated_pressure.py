@@ -14,16 +14,16 @@ import numpy.typing as npt
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
+from granpinn.checks import simulated_pressure
 from granpinn.checks.simulated_pressure import SimulatedPressure
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.fit.scoring import strain_rate
 from granpinn.physics.laws import DEFAULT
 from granpinn.results.zones import D2_STAGNANT
-from granpinn.second_opinion import simulated_pressure
-from granpinn.second_opinion.scenes import GrainColumn, collapse_of
 from granpinn.simulation import Collapse, Engine, SimulationError, State
 from granpinn.simulation.engine import Start
+from granpinn.simulation.likeness import GrainColumn, collapse_of
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.settling import settled_after
 

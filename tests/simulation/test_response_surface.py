@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from granpinn.second_opinion import response_surface
-from granpinn.second_opinion.response_surface import REACH, ResponseSurface, composite, filled
+from granpinn.simulation import response_surface
+from granpinn.simulation.response_surface import REACH, ResponseSurface, composite, filled
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

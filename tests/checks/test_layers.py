@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from granpinn import results
+from granpinn.checks import simulated_pressure
 from granpinn.checks.resimulation import resimulate
 from granpinn.commands import train
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import DEFAULT
-from granpinn.second_opinion import layers, simulated_pressure
 from granpinn.simulation import Chute, simulate
+from granpinn.simulation.likeness import depth_of
 from tests.flows import make_chute
 
 LAW = (0.3, 0.7, 0.3)
@@ -128,8 +129,8 @@ def test_another_layer_is_left_out_with_the_reason(
 
 
 def test_depth_without_a_surface_line(flow: Flow) -> None:
-    assert layers.depth_of(flow, 3) == pytest.approx(20.0, rel=1e-6)
-    assert layers.depth_of(dataclasses.replace(flow, surface=None), 3) == pytest.approx(20.0)
+    assert depth_of(flow, 3) == pytest.approx(20.0, rel=1e-6)
+    assert depth_of(dataclasses.replace(flow, surface=None), 3) == pytest.approx(20.0)
 
 
 def test_the_command_has_both_opinions(
