@@ -9,17 +9,11 @@ sandwich of White, Econometrica 48, 1980). Boxes of several sizes are tried; the
 is the further error of simulated flows with known laws, that of mu(I) at both ends of the range of
 I times a factor, and the departure of real grains (error_model.py); between the ends the error of
 log mu is linear in log I.
-
-Scores of blocks of time count as log likelihoods after a division by
-
-$$ \tau = \tfrac1N \operatorname{tr} H V, $$
-
-as neighboring residuals are correlated (training/curve_prior.py).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,40 +25,15 @@ N = free.COEFFICIENTS
 SHAPES = ((4, 4, 8), (2, 2, 4), (4, 4, 4), (8, 8, 8))  # boxes along x, y and t
 
 
-@dataclass(frozen=True)
-class Quadratic:
-    """The loss around the parameters of a law, by blocks of time.
-
-    Attributes:
-        center: L free parameters; the loss is least there.
-        scores, information: of every block of time [T, L] and [T, L, L], at the center.
-        curvature: H [L, L]: the information of all blocks, and the prior of a curve.
-        covariance: V [L, L].
-        temperature: tau.
-    """
+class Quadratic(NamedTuple):
+    """The least loss of a law: its L free parameters, and their covariance V [L, L]."""
 
     center: Float64
-    scores: Float64
-    information: Float64
-    curvature: Float64
     covariance: Float64
-    temperature: float
-
-    def loss(self, block: int, at: Float64) -> float:
-        """The part of a block of time in the loss at [L], less that at the center, over tau."""
-        d = at - self.center
-        slope = self.scores[block] + self.information[block] @ d / 2
-        return float(d @ slope) / self.temperature
-
-    def without(self, block: int) -> Float64:
-        """The least loss without a block of time [L]."""
-        left = self.curvature - self.information[block]
-        step: Float64 = np.linalg.lstsq(left, self.scores[block], rcond=1e-12)[0]
-        return self.center + step
 
 
 def quadratic(found: Information, L: int) -> Quadratic | None:
-    """The loss in the first L free parameters; None where the data do not determine them.
+    """The least loss in the first L free parameters; None where the data do not determine them.
 
     The trained parameters are taken as the least: one more step of Gauss and Newton from there
     would follow the noise of the training.
@@ -77,18 +46,14 @@ def quadratic(found: Information, L: int) -> Quadratic | None:
     if not (np.isfinite(H).all() and np.isfinite(scores).all() and np.linalg.eigvalsh(H)[0] > 0):
         return None
     scores = scores - information @ np.linalg.solve(H, scores.sum(0))
-    covariance, temperature = np.zeros((L, L)), 0.0
+    covariance, largest = np.zeros((L, L)), 0.0
     for shape in SHAPES:
         influence = np.linalg.solve(H, joined(scores, shape).T)
         V = influence @ influence.T
-        tau = float(np.trace(H @ V)) / L
-        if tau > temperature:
-            covariance, temperature = V, tau
-    if not temperature > 0:
-        return None
-    cube = (BOXES * BOXES, BOXES)
-    in_time = scores.reshape(*cube, L).sum(0), information.reshape(*cube, L, L).sum(0)
-    return Quadratic(center, *in_time, H, covariance, temperature)
+        size = float(np.trace(H @ V))
+        if size > largest:
+            covariance, largest = V, size
+    return Quadratic(center, covariance) if largest > 0 else None
 
 
 def joined(values: Float64, shape: tuple[int, int, int]) -> Float64:

@@ -8,11 +8,6 @@ $$ \chi^2 = (\mu(\theta) - m)^T C^{-1} (\mu(\theta) - m) + \text{prior of } I_0,
 with the covariance C of free_curve.py. $I_0$ is free here, with a prior of 40 % around its usual
 value: the range of I of one flow rarely tells it.
 
-**Score.** A block of time is left out, the free curve and the fit follow the others, and the loss
-of that block at this fit counts as a log likelihood. The score of a law is the sum over the
-blocks, relative to that of the law with the least $\chi^2$. Points of one block are neighbors, so
-random points would be no test.
-
 **Told apart.** Two laws are told apart where their curves differ by more than 95 % of the errors of
 the free curve, and their $\chi^2$ by more than `CLEAR`. Of the laws that are
 not told apart from the nearest one, that with the fewest parameters is chosen.
@@ -36,7 +31,6 @@ from granpinn.physics.laws import LAWS, FrictionLaw, LawParameter, cohesive, fre
 from granpinn.results.compared_law import ComparedLaw
 from granpinn.results.parameters import Parameter, Parameters
 from granpinn.results.summary import NORMAL_90
-from granpinn.uncertainty.curve import POINTS
 from granpinn.uncertainty.free_curve import N, Quadratic, basis
 
 CLEAR = 4.0  # difference of chi^2: two standard deviations
@@ -73,7 +67,6 @@ class Fit:
         std: standard deviations of ln theta of the free ones, by name; none of a free curve.
         mu: its curve at the I of the band.
         chi2: distance from the free curve.
-        score: log likelihood of blocks of time that were left out.
     """
 
     law: FrictionLaw
@@ -81,7 +74,6 @@ class Fit:
     std: dict[str, float]
     mu: Float64
     chi2: float
-    score: float
 
     @property
     def unknowns(self) -> int:
@@ -117,10 +109,9 @@ class Fitter:
     def curve(self, z: Float64, I: Float64) -> Float64:
         return np.broadcast_to(self.law.friction(I, *self.theta(z)), I.shape)
 
-    def fit(self, m: Float64, start: Float64 | None = None) -> tuple[Float64, Float64, float]:
-        """z, its covariance, and chi^2, for a free curve m [N]; the search begins at `start`."""
+    def fit(self, m: Float64) -> tuple[Float64, Float64, float]:
+        """z, its covariance, and chi^2, for a free curve m [N]."""
         usual = np.log([self._usual(name, m) for name in self.names])
-        first = usual if start is None else start
 
         def residuals(z: Float64) -> Float64:
             priors = [
@@ -132,7 +123,7 @@ class Fitter:
 
         own = np.log([self.law.parameter(name).bounds for name in self.names])
         bounds = np.minimum(usual - REACH, own[:, 0]), np.maximum(usual + REACH, own[:, 1])
-        found = scipy.optimize.least_squares(residuals, np.clip(first, *bounds), bounds=bounds)
+        found = scipy.optimize.least_squares(residuals, np.clip(usual, *bounds), bounds=bounds)
         normal = found.jac.T @ found.jac
         # a direction that no data determine is as uncertain as the reach of the search
         covariance = np.linalg.inv(normal + REACH**-2 * np.eye(len(normal)))
@@ -167,24 +158,15 @@ def fits(
     B = basis(I, *ends)
     variances, directions = np.linalg.eigh(covariance)
     root = (directions / np.sqrt(np.maximum(variances, SINGULAR * variances[-1]))).T
-    left = [curve.without(k) for k in range(len(curve.scores))]
-    own = -sum(curve.loss(k, at) for k, at in enumerate(left))
-    values = tuple(curve.center.tolist())
-    made = [Fit(free.LAW, (*values, *ends), {}, band.mu, 0.0, own)]
-    wide = np.geomspace(*ends, POINTS)
-    back = np.linalg.pinv(basis(wide, *ends), rcond=1e-6)
+    made = [Fit(free.LAW, (*curve.center.tolist(), *ends), {}, band.mu, 0.0)]
     for law in LAWS.values():
         if law.curve or law.cohesion or not law.compiled:
             continue
         fitter = Fitter(law, fixed.get(law.name, {}), I, root)
         z, spread, chi2 = fitter.fit(B @ curve.center)
-        score = 0.0
-        for k, at in enumerate(left):
-            other, *_ = fitter.fit(B @ at, z)
-            score -= curve.loss(k, back @ fitter.curve(other, wide))
         std = dict(zip(fitter.names, np.sqrt(np.diag(spread)).tolist(), strict=True))
         theta = tuple(fitter.theta(z))
-        made.append(Fit(law, theta, std, fitter.curve(z, band.I), chi2, score))
+        made.append(Fit(law, theta, std, fitter.curve(z, band.I), chi2))
     return made
 
 
@@ -215,7 +197,6 @@ def choice(found: Sequence[Fit], band: CurveBand) -> tuple[tuple[ComparedLaw, ..
         ComparedLaw(
             fit.law.name,
             parameters(fit),
-            fit.score - best.score,
             tuple(o.law.name for o in found if o is not fit and not apart(o, fit, band)),
         )
         for fit in sorted(found, key=lambda fit: fit is not chosen)
@@ -232,14 +213,12 @@ class Cohesion:
         c: the cohesion, in the unit of the pressure of the file.
         least: its standard deviation if there is none.
         std: its standard deviation.
-        gain: log likelihood by which c explains the data better than no cohesion.
     """
 
     values: Parameters
     c: float
     least: float
     std: float
-    gain: float
 
     @property
     def sure(self) -> bool:
@@ -264,15 +243,14 @@ def with_cohesion(
     """The records with the law `cohesive`, and the chosen law."""
     own = cohesive.LAW.name
     if found.sure:
-        others = (replace(r, score=r.score - found.gain) for r in records)
-        return (ComparedLaw(own, found.parameters, 0.0), *others), own
+        return (ComparedLaw(own, found.parameters), *records), own
     base = next(r for r in records if r.law == mu_of_i.LAW.name)
     alike = (base.law, *base.not_told_apart_from)
     made = [
         replace(r, not_told_apart_from=(*r.not_told_apart_from, own)) if r.law in alike else r
         for r in records
     ]
-    return (*made, ComparedLaw(own, found.parameters, base.score, alike)), chosen
+    return (*made, ComparedLaw(own, found.parameters, alike)), chosen
 
 
 def parameters(fit: Fit) -> Parameters:

@@ -44,13 +44,13 @@ def test_a_notebook_shows_the_assessment_before_the_numbers() -> None:
 
 def test_a_comparison_of_laws_is_a_table() -> None:
     coulomb = Parameters(mu_s=Parameter(0.45, fixed=False))
-    laws = ComparedLaw("mu_of_i", PARAMETERS, 0.0), ComparedLaw("coulomb", coulomb, -7.25)
+    laws = ComparedLaw("mu_of_i", PARAMETERS), ComparedLaw("coulomb", coulomb)
     result = make_result(checks={"comparison_of_laws": LawComparison(laws, "mu_of_i")})
     text = result._repr_html_()
-    assert "<th>law</th><th>score</th><th>parameters</th>" in text
-    assert '<th scope="row">coulomb</th><td>-7.2</td><td>mu_s 0.45</td>' in text
+    assert "<th>law</th><th>verdict</th><th>parameters</th>" in text
+    assert '<th scope="row">coulomb</th><td>excluded</td><td>mu_s 0.45</td>' in text
     assert text.count("mu(I) explains these data; excluded: ") == 1
-    assert "coulomb   -7.2" in result.summary()
+    assert "coulomb  excluded" in result.summary()
 
 
 def test_a_flow_says_what_it_holds(flow: Flow) -> None:

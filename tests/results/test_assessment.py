@@ -69,8 +69,8 @@ LOST_MU_2 = {
 }
 ALIKE = Parameters(mu_s=Parameter(0.4, fixed=False))
 LAWS = (
-    ComparedLaw("coulomb", ALIKE, 0.0, ("power",)),
-    ComparedLaw("mu_of_i", EXAMPLE.parameters, -9.0),
+    ComparedLaw("coulomb", ALIKE, ("power",)),
+    ComparedLaw("mu_of_i", EXAMPLE.parameters),
 )
 SHORT, LONG = (Timing(1.0, steps) for steps in (900, 15_000))
 

@@ -35,15 +35,10 @@ def coefficients(mu: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.lstsq(basis(I, *ENDS), mu, rcond=None)[0])
 
 
-def curve_of(mu: np.ndarray, blocks: int = 8, seed: int = 0) -> Quadratic:
-    """A free curve with the error SD, from blocks of time that scatter by as much as that says."""
-    rng = np.random.default_rng(seed)
+def curve_of(mu: np.ndarray) -> Quadratic:
+    """A free curve with the error SD."""
     H = basis(I, *ENDS).T @ basis(I, *ENDS) / SD**2
-    root = np.linalg.cholesky(H / blocks)
-    scores = rng.normal(size=(blocks, N)) @ root.T
-    information = np.tile(H / blocks, (blocks, 1, 1))
-    V = np.asarray(np.linalg.inv(H), np.float64)
-    return Quadratic(coefficients(mu), scores - scores.mean(0), information, H, V, 1.0)
+    return Quadratic(coefficients(mu), np.asarray(np.linalg.inv(H), np.float64))
 
 
 def compared(mu: np.ndarray, half: float = 0.01) -> tuple[tuple[ComparedLaw, ...], str, list[Fit]]:
@@ -79,7 +74,6 @@ def test_mu_of_i_excludes_a_constant_friction(I0: float) -> None:
     by_name = {c.law: c for c in records}
     assert "coulomb" not in by_name["mu_of_i"].not_told_apart_from
     assert "excluded: constant friction" in LawComparison(records, chosen).words
-    assert by_name["coulomb"].score < by_name["mu_of_i"].score - 100
     fit = next(f for f in found if f.law.name == "mu_of_i")
     np.testing.assert_allclose(fit.mu, friction("mu_of_i", 0.38, 0.64, I0), atol=0.01)
 
@@ -118,9 +112,9 @@ def test_laws_that_differ_by_less_than_the_band_are_not_told_apart() -> None:
 
 def test_curves_that_differ_without_a_worse_fit_are_not_told_apart() -> None:
     band = CurveBand(I, 0 * I, 0 * I + 0.01, 0 * I + 0.01)
-    one = Fit(LAWS["coulomb"], (0.4,), {}, 0 * I + 0.02, 10.0, 0.0)
+    one = Fit(LAWS["coulomb"], (0.4,), {}, 0 * I + 0.02, 10.0)
     for chi2, told in ((10.0 + 0.9 * law_choice.CLEAR, False), (11 + law_choice.CLEAR, True)):
-        other = Fit(LAWS["mu_of_i"], (0.4, 0.5, 0.3), {}, 0 * I - 0.02, chi2, 0.0)
+        other = Fit(LAWS["mu_of_i"], (0.4, 0.5, 0.3), {}, 0 * I - 0.02, chi2)
         assert apart(one, other, band) is told
 
 
@@ -141,7 +135,7 @@ def cohesion(c: float) -> Cohesion:
     values = Parameters(
         {**dict(values.items()), "I0": Parameter(0.3, True), "c": Parameter(c, False)}
     )
-    return Cohesion(values, c, 1.0, 2.0, 50.0)
+    return Cohesion(values, c, 1.0, 2.0)
 
 
 def test_a_clear_cohesion_leaves_no_other_law() -> None:
@@ -150,8 +144,7 @@ def test_a_clear_cohesion_leaves_no_other_law() -> None:
     assert of_wet == wet[0].law == "cohesive"
     assert wet[0].not_told_apart_from == ()
     assert wet[0].parameters.c.interval_90 == pytest.approx((10 - 3.29, 10 + 3.29), abs=0.01)
-    assert {c.law: c.score for c in wet[1:]} == {c.law: c.score - 50.0 for c in records}
-    assert all(c.score <= 0 for c in wet if c.law != "free")
+    assert wet[1:] == records
 
 
 def test_a_cohesion_that_may_be_zero_is_not_told_from_mu_of_i() -> None:
@@ -173,22 +166,13 @@ def information(rng: np.random.Generator, L: int, prior: float = 0.0) -> Informa
     return Information(free_part, scores, squares, prior * torch.eye(L).double())
 
 
-def test_the_loss_is_least_at_the_trained_parameters(seed: int) -> None:
-    found = quadratic(information(np.random.default_rng(seed), N), N)
-    assert found is not None
-    np.testing.assert_allclose(found.scores.sum(0), 0, atol=1e-9)
-    for k in range(BOXES):
-        assert found.loss(k, found.center) == 0
-    left = sum(found.loss(k, found.without(k)) for k in range(BOXES))
-    assert left > 0  # blocks that are left out are explained less well
-
-
 def test_independent_residuals_have_the_covariance_of_their_number(seed: int) -> None:
-    """White residuals of variance 1: V = H^-1 and tau = 1, up to the scatter of the boxes."""
-    found = quadratic(information(np.random.default_rng(seed), N), N)
+    """White residuals of variance 1: V = H^-1, up to the scatter of the boxes."""
+    loss = information(np.random.default_rng(seed), N)
+    found = quadratic(loss, N)
     assert found is not None
-    assert found.temperature == pytest.approx(1, abs=0.6)
-    ratio = np.diag(found.covariance) / np.diag(np.linalg.inv(found.curvature))
+    H = loss.information.sum(0).numpy()
+    ratio = np.diag(found.covariance) / np.diag(np.linalg.inv(H))
     assert np.all((ratio > 0.3) & (ratio < 4))
 
 
