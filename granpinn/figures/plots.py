@@ -121,13 +121,6 @@ class Plots:
         return ax
 
     @checked
-    def inertial_number(self, ax: Axes | None = None) -> Axes:
-        """Histogram of the inertial number in the grains."""
-        (ax,) = _panels(1, 1, None if ax is None else [ax])
-        curves.draw_inertial_number(ax, self._result, self._fields())
-        return ax
-
-    @checked
     def history(self, axes: Sequence[Axes] | Panels | None = None) -> Panels:
         """The identified values, and the loss with its terms, against the step: two panels."""
         panels = _panels(2, 1, axes)

@@ -51,7 +51,7 @@ def build(
 
     Args:
         run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
-        time: of the maps and profiles, in the unit of the flow file; by default 0.7 of the last.
+        time: of the maps, in the unit of the flow file; by default 0.7 of the last.
         pdf: write every figure as a PDF too, beside its PNG.
 
     Raises:

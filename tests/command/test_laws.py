@@ -78,7 +78,7 @@ def test_every_law_from_the_simulation_to_the_results(
 def test_the_report_of_a_free_curve(
     flow_of: Simulate, tmp_path: Path, figures: Callable[..., None]
 ) -> None:
-    figures("friction_law", "inertial_number", "evolution")
+    figures("friction_law", "evolution")
     words = [str(flow_of("free")), "--out", str(tmp_path / "run"), "--law", "free", *SMALL]
     assert train.main([*words, "--resimulate", *CELLS, "--simulated_pressure.frames", "0"]) == 0
     assert report.main([str(tmp_path / "run")]) == 0

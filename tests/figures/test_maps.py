@@ -1,4 +1,4 @@
-"""Maps and profiles of one time show the values of the fields, at their place, in their unit."""
+"""Maps of one time show the values of the fields, at their place, in their unit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from granpinn.figures import maps, profiles, residual, style
+from granpinn.figures import maps, residual, style
 from granpinn.figures.style import NothingToDraw
 from granpinn.results import Fields
 from granpinn.results.fields import Units
@@ -141,8 +141,6 @@ def test_a_frame_without_grains_is_not_drawn(fields: Fields) -> None:
 def test_grains_thinner_than_a_cell(fields: Fields) -> None:
     thin = without_frame(fields, K, 0.9)
     assert shown(maps.pressure_fields(thin, K).figure.axes[0]).size == 0
-    with pytest.raises(NothingToDraw, match="thinner than a grid cell at t = 0.755"):
-        profiles.profiles(thin, K)
 
 
 def test_grains_that_fill_the_grid_have_no_surface(fields: Fields) -> None:
@@ -200,38 +198,3 @@ def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
 def test_a_residual_that_is_nowhere_finite_is_not_drawn(fields: Fields) -> None:
     with pytest.raises(NothingToDraw, match="not finite where grains shear"):
         residual.momentum_residual(with_values(fields, momentum_residual_x=np.nan), K)
-
-
-def test_profiles_lie_at_three_heights(fields: Fields) -> None:
-    rows = profiles.profile_rows(fields, K)
-    filled = fields.y[np.isfinite(fields.frame("p", K)).any(1)]
-    wanted = filled[0] + np.array([0.1, 0.4, 0.7]) * np.ptp(filled)
-    assert np.abs(fields.y[rows] - wanted).max() <= np.diff(fields.y).max() / 2 * (1 + 1e-9)
-
-
-def test_profiles_show_rows_of_the_fields(fields: Fields) -> None:
-    outline, speed, pressure, difference = profiles.profiles(fields, K).figure.axes
-    u, v, p = (fields.frame(name, K) for name in ("u", "v", "p"))
-    known = fields.frame("p_reference", K)
-    for i, row in enumerate(profiles.profile_rows(fields, K)):
-        (y,) = set(np.asarray(outline.lines[i].get_ydata()))
-        assert y == fields.y[row]
-        # a line of predicted values, then its dots
-        for axes, values in ((speed, np.hypot(u, v)), (pressure, p)):
-            np.testing.assert_array_equal(axes.lines[2 * i].get_ydata(), values[row])
-        np.testing.assert_array_equal(pressure.lines[2 * i + 1].get_ydata(), known[row])
-        percent = 100 * (p - known)[row] / np.nanmax(known)
-        np.testing.assert_allclose(difference.lines[i].get_ydata(), percent, rtol=1e-5)
-
-
-def test_profiles_without_reference_pressure(fields: Fields) -> None:
-    drawing = profiles.profiles(with_values(fields, p_reference=None), K)
-    assert len(drawing.figure.axes) == 3
-    assert drawing.figure.axes[2].get_title(loc="left") == "(c) pressure: lines predicted"
-    assert drawing.caption.endswith("The flow file has no reference pressure.")
-
-
-@pytest.mark.parametrize("reference", [0.0, np.nan])
-def test_profiles_of_a_reference_without_pressure(fields: Fields, reference: float) -> None:
-    drawing = profiles.profiles(with_values(fields, p_reference=reference), K)
-    assert len(drawing.figure.axes) == 4
