@@ -167,7 +167,6 @@ class Optimizer:
     scalars_learning_rate: float = setting(
         1e-2, "learning rate of the parameters of the friction law", low=0, high=1e3
     )
-    decay: Literal["linear", "cosine", "exponential"] = setting("linear", "shape of the decay")
     final_fraction: float = setting(
         0.0, "every learning rate at the end, relative to its peak", low=0, high=1
     )

@@ -235,8 +235,6 @@ def _check_together(config: Config) -> None:
     _check_fixed(config.law, config.rheology.fixed)
     if config.free_I0 and "I0" not in LAWS[config.law].names:
         raise ConfigError(f"--free-I0 needs a friction law with I0, got the law {config.law}")
-    if config.optimizer.decay == "exponential" and config.optimizer.final_fraction == 0:
-        raise ConfigError("--optimizer.final_fraction must be positive for exponential decay")
     if config.steps is None and config.epochs is None and config.max_time is None:
         raise ConfigError("one of --steps, --epochs and --max-time must be given, got none")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 
 from granpinn.config import Optimizer
@@ -56,14 +55,11 @@ class Schedule:
         return before, min(1.0, after)
 
     def learning_rate(self, step: int) -> float:
-        """Factor in [0, 1] on every learning rate: in each stage a warm-up from 0 and a decay."""
+        """Factor in [0, 1] on every learning rate: in each stage from 0 up, then linearly down."""
         s = self.settings
         final = s.prefit_final_fraction if self.in_prefit(step) else s.final_fraction
         done, after = self.stage(step)
         if done < s.warm_up:
             return min(1.0, after / s.warm_up)
         decayed = (done - s.warm_up) / (1 - s.warm_up)
-        if s.decay == "exponential":
-            return float(final**decayed)
-        shape = (1 + math.cos(math.pi * decayed)) / 2 if s.decay == "cosine" else 1 - decayed
-        return final + (1 - final) * shape
+        return final + (1 - final) * (1 - decayed)

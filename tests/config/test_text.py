@@ -158,7 +158,6 @@ BAD = {
         [*REQUIRED, "--rheology.variables", "sigmoid", "--rheology.start", "0.3,1.5"],
         "below 1 for a sigmoid",
     ),
-    "exponential": ([*REQUIRED, "--optimizer.decay", "exponential"], "must be positive"),
     "endless": ([*REQUIRED, "--steps", "none"], "--max-time"),
     "no such file": ([*REQUIRED, "--config", "no.toml"], "no.toml does not exist"),
     "seed": ([*REQUIRED, "--seed", "-1"], "--seed must be"),
