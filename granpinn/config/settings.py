@@ -154,7 +154,6 @@ class Config:
         free=True,
     )
     resume: bool = setting(False, "continue the run in --out from its newest checkpoint", free=True)
-    tensorboard: bool = setting(False, "also write TensorBoard events to --out", free=True)
     network: Network = section(Network)
     rheology: Rheology = section(Rheology)
     side_walls: SideWalls = section(SideWalls)

@@ -123,5 +123,4 @@ def values_alone(config: Config) -> Config:
         compare_laws=False,
         free_I0=False,
         resimulate=False,
-        tensorboard=False,
     )

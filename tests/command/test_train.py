@@ -221,21 +221,6 @@ def test_exit_codes(
     refused(capsys, code, "flow.h5", "--out", "run")
 
 
-@pytest.mark.usefixtures("no_report")
-def test_tensorboard_listens_too(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made: list[Any] = []
-
-    class Board(training_run.progress.Silent):
-        def __init__(self, folder: Path, inner: Any) -> None:
-            made.append(folder)
-
-    monkeypatch.setattr(training_run.progress, "TensorBoard", Board)
-    assert run(flow_file, "--out", tmp_path / "run", "--tensorboard") == 0
-    assert made == [tmp_path / "run"]
-
-
 def test_python_m_granpinn_train_is_this_command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -208,5 +208,5 @@ def test_the_identity_has_every_setting_but_the_free_ones() -> None:
     }
     assert missing == after_training | {
         *("flow", "further_flows", "out", "checks", "resume"),
-        *("tensorboard", "checkpoint_every", "max_time"),
+        *("checkpoint_every", "max_time"),
     }

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import builtins
 import hashlib
 import io
 import math
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training import progress
@@ -20,9 +17,7 @@ from granpinn.training.history import History, Row, columns, median
 from granpinn.training.progress import (
     Bar,
     Lines,
-    Silent,
     Stage,
-    TensorBoard,
     describe,
     duration,
 )
@@ -218,53 +213,6 @@ def test_the_terminal_decides(monkeypatch: pytest.MonkeyPatch) -> None:
     assert isinstance(progress.automatic(), Bar)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: False, raising=False)
     assert isinstance(progress.automatic(), Lines)
-
-
-class Writer:
-    def __init__(self, folder: str) -> None:
-        self.folder, self.values, self.closed = folder, [], False  # type: ignore[var-annotated]
-
-    def add_scalar(self, name: str, value: float, step: int) -> None:
-        self.values.append((name, value, step))
-
-    def close(self) -> None:
-        self.closed = True
-
-
-def test_tensorboard_gets_every_finite_value(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    module: Any = type(sys)("torch.utils.tensorboard")
-    module.SummaryWriter = Writer
-    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", module)
-    stream = io.StringIO()
-    board = TensorBoard(tmp_path, Lines(stream, every=0.0))
-    board.stop()
-    assert board.writer is None
-    board.start(10, 0)
-    board.total(20)
-    board.show(row(5, surface=NAN))
-    board.message("text")
-    board.stop()
-    names = {name for name, _, _ in board.writer.values}
-    assert names == set(COLUMNS) - {"step", "surface"}
-    assert board.writer.closed
-    assert "fit 5/20" in stream.getvalue()
-
-
-def test_tensorboard_that_is_missing_says_how_to_get_it(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    real = builtins.__import__
-
-    def without(name: str, *args: Any) -> Any:
-        if name.startswith("torch.utils.tensorboard"):
-            raise ImportError(name)
-        return real(name, *args)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(ConfigError, match=r"pip install granpinn\[tensorboard\]"):
-        TensorBoard(tmp_path, Silent())
 
 
 def test_text_of_durations_and_rows() -> None:
