@@ -120,11 +120,6 @@ def companions(case: Case) -> list[Case]:
             f"--compare-laws compares the laws of granpinn, got your own law {config.law}: leave "
             "--compare-laws out"
         )
-    if config.rheology.start is not None:
-        raise ConfigError(
-            "--rheology.start has the parameters of one law, and --compare-laws trains several: "
-            "leave one of them out"
-        )
     return [_with_law(case, name) for name in _others(config)]
 
 

@@ -48,13 +48,8 @@ class Rheology:
         "what is optimised in place of a parameter: its logarithm, as the law states it (log), or "
         "the argument of a sigmoid, which keeps it between 0 and 1",
     )
-    start: tuple[float, ...] | None = setting(
-        None,
-        "start values of the free parameters of the law, in its order; none: those of the law",
-        positive=True,
-    )
     random_start: bool = setting(
-        False, "draw the start values at random where rheology.start gives none"
+        False, "draw the start values of the free parameters at random; else those of the law"
     )
     fix: tuple[str, ...] | None = setting(
         None,

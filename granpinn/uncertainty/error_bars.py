@@ -45,7 +45,6 @@ from granpinn.uncertainty.error_model import (
 from granpinn.uncertainty.sensitivity import covariance, unknown
 
 DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
-STARTS = ("rheology.start", "rheology.random_start")  # no influence (bench/studies/ablation)
 
 
 def center(members: Members, law: FrictionLaw = DEFAULT) -> tuple[float, ...]:
@@ -215,5 +214,6 @@ def judge(
 def untested(config: Config) -> list[str]:
     """Names of the settings that differ from those that the error model was made with."""
     usual, own = flatten(Config()), flatten(config)
-    decisive = [key for key in usual if key.split(".")[0] in DECISIVE and key not in STARTS]
-    return [key for key in decisive if own[key] != usual[key]]
+    decisive = [key for key in usual if key.split(".")[0] in DECISIVE]
+    no_influence = "rheology.random_start"  # bench/studies/ablation
+    return [key for key in decisive if own[key] != usual[key] and key != no_influence]

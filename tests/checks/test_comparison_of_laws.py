@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from granpinn import identify, identify_many, results
-from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.fit import free_curve
 from granpinn.physics.laws import LAWS
@@ -107,11 +106,6 @@ def test_a_free_curve_that_is_not_known_has_no_band(
     assert law.curve.low is None
     assert law.reason is not None
     assert law.reason.startswith("so few steps")
-
-
-def test_settings_of_one_law_are_refused(flow: Flow) -> None:
-    with pytest.raises(ConfigError, match=r"rheology.start has the parameters of one law"):
-        identify(flow, tiny(rheology__start=(0.3, 0.5), **SETTINGS))
 
 
 def test_it_survives_a_resumption(flow_file: Path, tmp_path: Path) -> None:

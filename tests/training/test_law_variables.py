@@ -31,21 +31,22 @@ def after_a_step(law: LawVariables, grad_theta: Tensor, rate: float) -> None:
     assert not control.faults()
 
 
-def make(variables: Any, E: int = 1, **start: Any) -> LawVariables:
-    settings = Rheology(variables=variables, **start)
+def make(variables: Any, E: int = 1) -> LawVariables:
+    settings = Rheology(variables=variables)
     return LawVariables([DEFAULT] * E, settings, [{"I0": 0.25}] * E, range(E), LIKE)
 
 
 @pytest.mark.parametrize("variables", ["log", "sigmoid"])
 def test_they_start_where_they_should(variables: str) -> None:
-    expected = torch.tensor([[0.3, 0.7, 0.25]] * 2, dtype=torch.float64)
-    torch.testing.assert_close(make(variables, 2, start=(0.3, 0.7)).theta, expected)
+    starts = [DEFAULT.parameter(name).start for name in DEFAULT.free]
+    expected = torch.tensor([[*starts, 0.25]] * 2, dtype=torch.float64)
+    torch.testing.assert_close(make(variables, 2).theta, expected)
 
 
 @pytest.mark.parametrize("variables", ["log", "sigmoid"])
 def test_gradients_are_pulled_back_to_them(variables: str) -> None:
     """The first moment after one step is (1 - beta_1) d loss / d q."""
-    law = make(variables, 2, start=(0.3, 0.7))
+    law = make(variables, 2)
     q = law.q.clone().requires_grad_()
     weights = torch.tensor([[2.0, -3.0, 5.0], [-1.0, 0.5, 1.0]], dtype=torch.float64)
     (weights * law.theta_of(q)).sum().backward()
