@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any
 
 from granpinn import results
 from granpinn.fit import prediction, scoring
@@ -14,11 +14,11 @@ from granpinn.fit.final_loss import final_loss
 from granpinn.fit.shear import inertial_range
 from granpinn.physics.laws import DEFAULT
 from granpinn.physics.terms import LAW, TERMS
-from granpinn.results import Covariance, Fields, Parameter, Parameters, Residuals, Result
+from granpinn.results import Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.assumed import Assumed
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.loss import Loss
-from granpinn.results.records import ErrorBars, Members
+from granpinn.results.records import Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars
@@ -128,7 +128,7 @@ def result(
     I_range = inertial_range(data, model)
     law = _law(case, members, residuals, steps, failure is not None, assumed, I_range)
     return Result(
-        **law._asdict(),
+        **law,
         level=config.level,
         form=config.form,
         recipe=config.recipe,
@@ -148,16 +148,6 @@ def result(
     )
 
 
-class _Law(NamedTuple):
-    """The fields of a result that the assumptions change."""
-
-    parameters: Parameters
-    covariance: Covariance | None
-    error_bars: ErrorBars | None
-    law: IdentifiedLaw
-    assumptions: tuple[Assumed, ...]
-
-
 def _law(
     case: Case,
     members: Members,
@@ -166,8 +156,8 @@ def _law(
     diverged: bool,
     assumed: tuple[Assumed, ...],
     I_range: Pair | None,
-) -> _Law:
-    """The law of an ensemble with its error bars, or why it has none."""
+) -> dict[str, Any]:
+    """The fields of a result that its assumptions change: the law, its error bars or why none."""
     law, known = case.member.law, None
     values = {**case.member.fixed, **dict(zip(law.free, center(members, law), strict=True))}
     if law.name == DEFAULT.name and residuals is not None and I_range is not None:
@@ -182,12 +172,19 @@ def _law(
         case.member.problem.symmetries,
         assumed,
     )
-    parameters = Parameters(
-        (name, judged.free.get(name) or Parameter(values[name], fixed=name not in law.free))
-        for name in law.names
-    )
-    found = IdentifiedLaw(law.name, I_range, reason=judged.reason)
-    return _Law(parameters, judged.covariance, judged.bars, found, assumed)
+    reason = judged if isinstance(judged, str) else None
+    found = None if isinstance(judged, str) else judged
+    free = {} if found is None else found.parameters
+    return {
+        "parameters": Parameters(
+            (name, free.get(name) or Parameter(values[name], fixed=name not in law.free))
+            for name in law.names
+        ),
+        "covariance": None if found is None else found.covariance,
+        "error_bars": None if found is None else found.bars,
+        "law": IdentifiedLaw(law.name, I_range, reason=reason),
+        "assumptions": assumed,
+    }
 
 
 def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -> Result:
@@ -196,7 +193,7 @@ def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -
     steps, diverged = result.timing.steps, result.failure is not None
     known = result.members, result.residuals, steps, diverged
     law = _law(case, *known, assumed, result.law.I_range)
-    return dataclasses.replace(result, **law._asdict())
+    return dataclasses.replace(result, **law)
 
 
 def scores(case: Case, model: Model, maps: Fields, parameters: Parameters) -> scoring.Scores:
