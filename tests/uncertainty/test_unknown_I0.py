@@ -40,16 +40,8 @@ def profile(excluded: tuple[bool, ...], best: float | None = None) -> Profile:
         points=tuple(points),
         n_seeds=3,
         smallest_rise=1e-6,
-        law_accuracy=0.005,
-        I_low=0.0,
-        I_high=0.2,
         best=best,
         allowed=bounds,
-        slope=1.0,
-        slope_std=0.0,
-        correlation=None,
-        mu_2_by_I0=1.0,
-        status="separable" if best else "not separable",
         answer="",
     )
 
