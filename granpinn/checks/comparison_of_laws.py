@@ -18,8 +18,8 @@ from granpinn.fit.context import Context
 from granpinn.fit.free_curve import FreeCurve, NoFreeCurveError, quadratic_of
 from granpinn.physics.laws import LAWS, cohesive, free
 from granpinn.results import Parameter, Parameters, Result
-from granpinn.results.compared_law import ComparedLaw
 from granpinn.results.record import CARE, Check, Reason, Record, Table
+from granpinn.results.records import ComparedLaw
 from granpinn.uncertainty import law_choice
 from granpinn.uncertainty.law_choice import Cohesion
 

@@ -24,9 +24,8 @@ from granpinn.physics.laws import FrictionLaw
 from granpinn.results import plain
 from granpinn.results.record import Check, Record
 from granpinn.simulation.likeness import GrainColumn, heights, interpolation, scene_of, spread
-from granpinn.simulation.progress import lines
 from granpinn.simulation.recorder import Recorder
-from granpinn.simulation.run import states
+from granpinn.simulation.run import lines, states
 
 PROFILE_SHARES = (0.1, 0.3, 0.5, 0.75, 1.0)  # of the last time
 Numbers = tuple[float | None, ...]  # None: not known

@@ -29,7 +29,7 @@ from granpinn.data.flow import Flow
 from granpinn.output import make_folder, objection_to_file, objection_to_folder
 from granpinn.physics.laws import mu_of_i
 from granpinn.simulation import PAPER_CASES, Chute, Collapse, Scene, Silo, simulate
-from granpinn.simulation.progress import lines
+from granpinn.simulation.run import lines
 from granpinn.simulation.scene import law_settings
 
 EXAMPLES = """examples:

@@ -13,8 +13,7 @@ from granpinn.figures.style import Drawing, NothingToDraw, save
 from granpinn.output import make_folder
 from granpinn.results import Fields, Result
 from granpinn.results.attempt import NotDone, attempt
-from granpinn.results.fields import VARIABLES
-from granpinn.results.zones import after_start
+from granpinn.results.fields import VARIABLES, after_start
 
 History = Mapping[str, Floats]
 

@@ -27,11 +27,11 @@ from granpinn.figures.style import (
 from granpinn.physics.laws import LAWS
 from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
-from granpinn.results.compared_law import ComparedLaw
-from granpinn.results.determined import NOT_DETERMINED
+from granpinn.results.fields import after_start, flowing
 from granpinn.results.identified_law import StressPoints
+from granpinn.results.parameters import NOT_DETERMINED
+from granpinn.results.records import ComparedLaw
 from granpinn.results.summary import true_friction
-from granpinn.results.zones import after_start, flowing
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points
 COLORS = (BLUE, SKY, ORANGE, GREEN, PURPLE, YELLOW, GREY)  # of the terms of the loss, in order

@@ -25,7 +25,7 @@ from granpinn.figures.style import (
     styled,
 )
 from granpinn.results import Fields
-from granpinn.results.zones import D2_STAGNANT, shearing
+from granpinn.results.fields import D2_STAGNANT, shearing
 
 RESIDUALS = ("momentum_residual_x", "momentum_residual_y")
 RESIDUAL_LABEL = r"$|e| / (\rho |g|)$"

@@ -15,8 +15,8 @@ from granpinn.fit.case import Case
 from granpinn.fit.context import Context
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import DataSummary, ErrorPercent, Input, Parameter, Parameters, Result
-from granpinn.results.assumed import Assumed
-from granpinn.results.flow_of_law import FlowOfLaw
+from granpinn.results.records import Assumed
+from granpinn.results.result import FlowOfLaw
 from granpinn.uncertainty import curve
 from granpinn.uncertainty.determined import LARGEST, Range, applied, determined_over
 from granpinn.uncertainty.error_bars import estimate, sd_of

@@ -13,7 +13,7 @@ from granpinn.estimates.confined import undetermined
 from granpinn.fit.case import Case, Model
 from granpinn.fit.prediction import evaluate
 from granpinn.results import Fields, Result
-from granpinn.results.zones import D2_STAGNANT, shearing
+from granpinn.results.fields import D2_STAGNANT, shearing
 from granpinn.uncertainty import curve
 from granpinn.uncertainty.determined import applied, determined, percentiles, unfixed
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from granpinn.results.assessment import evidence, reach_of
-from granpinn.results.determined import NOT_DETERMINED
+from granpinn.results.parameters import NOT_DETERMINED
 
 if TYPE_CHECKING:
     from granpinn.results.parameters import Parameter

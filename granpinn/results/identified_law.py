@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from granpinn.physics.laws import DEFAULT, LAWS
-from granpinn.results.determined import NOT_DETERMINED, USELESS, half_width
+from granpinn.results.parameters import NOT_DETERMINED, USELESS, half_width
 
 Numbers = tuple[float, ...]
 

@@ -20,25 +20,51 @@ from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.terms import FORMS
 from granpinn.results import brief, export
 from granpinn.results.assessment import Assessment, assess
-from granpinn.results.assumed import Assumed
-from granpinn.results.decoding import encode
-from granpinn.results.determined import NOT_DETERMINED, Determined
-from granpinn.results.flow_of_law import FlowOfLaw
+from granpinn.results.decoding import encode, plain
 from granpinn.results.identified_law import IdentifiedLaw
-from granpinn.results.json_values import plain
-from granpinn.results.loss import Loss
 from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Residuals, require_names
-from granpinn.results.parameters import Covariance, Parameters
+from granpinn.results.parameters import NOT_DETERMINED, Covariance, Determined, Parameters
 from granpinn.results.record import Record
 from granpinn.results.records import (
+    Assumed,
     DataSummary,
     ErrorBars,
     InertialNumber,
     Input,
+    Loss,
     Members,
     Timing,
     Zones,
 )
+
+
+@dataclass(frozen=True)
+class FlowOfLaw:
+    """
+    Attributes:
+        I_range: 5th and 95th percentile of I over its points that shear; None without any.
+        residuals: of its network, which has the shared law.
+        assessment: of the fit of this flow.
+    """
+
+    input: Input
+    data: DataSummary
+    I_range: tuple[float, float] | None
+    residuals: Residuals | None
+    assessment: Assessment
+
+    def __str__(self) -> str:
+        """The line for the terminal."""
+        return f"{self.input.name}: {self.shear}, {self.assessment.headline}"
+
+    @property
+    def shear(self) -> str:
+        """Its range of I in words."""
+        if self.I_range is None:
+            return "no grains shear"
+        low, high = self.I_range
+        return f"I = {low:.2g} to {high:.2g}"
+
 
 FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 4

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from granpinn.output import write_text
-from granpinn.results.determined import NOT_DETERMINED
-from granpinn.results.json_values import plain
+from granpinn.results.decoding import plain
 from granpinn.results.named import FIELD_ERRORS
+from granpinn.results.parameters import NOT_DETERMINED
 from granpinn.results.result import Result
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # first characters of a cell that a spreadsheet computes

@@ -10,8 +10,7 @@ from typing import Any
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import write_text
-from granpinn.results.decoding import decode
-from granpinn.results.json_values import read_json
+from granpinn.results.decoding import decode, read_json
 from granpinn.results.record import record_type
 from granpinn.results.result import FORMAT_NAME, FORMAT_VERSION, Result
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -19,6 +20,7 @@ from granpinn.simulation.engine import Engine, SimulationError, State, StepRepor
 from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.scene import Scene
+from granpinn.terminal import say
 
 DEMO = "collapse_0.40_0.64.h5"
 
@@ -97,14 +99,39 @@ def states(
     engine = Engine(scene)
     t_end, frames = engine.scene.t_end, engine.scene.frames
     assert t_end is not None  # resolved
-    for time in times or [t_end * k / frames for k in range(1, frames + 1)]:
-        while time - engine.time > 1e-9 * t_end:
-            report = engine.step(time - engine.time)
+    for at in times or [t_end * k / frames for k in range(1, frames + 1)]:
+        while at - engine.time > 1e-9 * t_end:
+            report = engine.step(at - engine.time)
             if listener is not None:
                 listener(report)
-        yield time, engine.state()
+        yield at, engine.state()
 
 
 def demo_path() -> Path:
     """The flow file of the package, a collapse made by this simulator."""
     return Path(str(files("granpinn") / "demo" / DEMO))
+
+
+LINE_EVERY = 10.0  # seconds
+
+
+def lines(
+    t_end: float, say: Callable[[str], None] = say, every: float = LINE_EVERY
+) -> Callable[[StepReport], None]:
+    """A listener that says a line every ten seconds, by default to stderr."""
+    begin = said = time.monotonic()
+
+    def show(report: StepReport) -> None:
+        nonlocal said
+        now = time.monotonic()
+        if now - said < every:
+            return
+        said = now
+        left = (now - begin) / report.time * (t_end - report.time)
+        say(
+            f"t {report.time:.3g}/{t_end:.3g}  dt {report.step:.2g}  iterations "
+            f"{report.viscous_iterations}+{report.pressure_iterations}  window "
+            f"{report.window[0]}x{report.window[1]}  {left:.0f} s left"
+        )
+
+    return show

@@ -14,13 +14,19 @@ follows the noise of the training.
 
 The equations of the training hold, with two changes in the friction law (`equations.py`): it has a
 mean strain rate where it is ill-posed, and a small weight where errors of the pressure are large.
-Data may contradict the mean (`mean_rate.py`).
+
+Do the data contradict the mean? Where mu(I) is ill-posed, simulated grids and grains obey it in the
+mean over a band. Other flows obey it at every point: those of exact solutions, or of materials
+whose bands are thick. If such data are resolved well enough to show it, the loss of the trained
+network is several times as large with the mean as without. Otherwise the two losses are nearly
+equal, and the mean stays. bench/studies/floor has the measurements.
 
 bench/studies/last_layer has the measurements. Everything is dimensionless and float64.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from collections.abc import Sequence
@@ -123,3 +129,21 @@ def last_layer(
         (with_coefficients(member.problem.spec, params, found.C), found.theta.to(theta))
         for (member, params, theta), found in zip(group, iterate(every, at, until), strict=True)
     ]
+
+
+CONTRADICTED = 2.0  # factor of the loss
+FEWER = 8  # times fewer points than in the last-layer step
+
+
+def mean_length(member: Member, params: Tensor, theta: Tensor, step: int) -> float:
+    """Length of the mean strain rate of a trained network, 0 if its data contradict the mean.
+
+    The arguments are those of `last_layer`.
+    """
+    spec, problem = member.problem.spec, member.problem
+    features = Features(spec, params, problem.window)
+    data = choose(member.data, features, member.seed, step, FEWER)
+    at = Unknowns(coefficients(spec, params), theta.double())
+    of_points = dataclasses.replace(problem, mean_length=0.0)
+    mean, local = (Sums(features, p, member.law, data).loss(at) for p in (problem, of_points))
+    return 0.0 if mean > CONTRADICTED * local else problem.mean_length

@@ -18,7 +18,7 @@ import numpy as np
 from granpinn.arrays import Float64, Floats
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameters, Result
-from granpinn.results.determined import USELESS, Determined, half_width
+from granpinn.results.parameters import USELESS, Determined, half_width
 from granpinn.results.summary import friction_sd
 from granpinn.uncertainty import error_bars, error_model
 from granpinn.uncertainty.error_model import Known, Pair, ends_of, interval

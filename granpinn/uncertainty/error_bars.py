@@ -34,8 +34,7 @@ from granpinn.arrays import Float64
 from granpinn.config import Config, flatten
 from granpinn.physics.laws import DEFAULT, LAWS, FrictionLaw
 from granpinn.results import Covariance, Parameter, Residuals
-from granpinn.results.assumed import Assumed
-from granpinn.results.records import ErrorBars, Members
+from granpinn.results.records import Assumed, ErrorBars, Members
 from granpinn.uncertainty.error_model import (
     ErrorModel,
     Known,

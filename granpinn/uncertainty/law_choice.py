@@ -28,8 +28,8 @@ import scipy  # loads scipy.optimize at its first use
 
 from granpinn.arrays import Float64
 from granpinn.physics.laws import LAWS, FrictionLaw, LawParameter, cohesive, free, mu_of_i
-from granpinn.results.compared_law import ComparedLaw
 from granpinn.results.parameters import Parameter, Parameters
+from granpinn.results.records import ComparedLaw
 from granpinn.results.summary import NORMAL_90
 from granpinn.uncertainty.free_curve import N, Quadratic, basis
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.physics.laws import FrictionLaw
-from granpinn.results.assumed import Assumed
+from granpinn.results.records import Assumed
 from granpinn.training.continuation import MOST_STEPS, continued
 from granpinn.training.objective import Member
 from granpinn.training.trainer import Trainer

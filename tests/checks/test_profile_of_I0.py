@@ -20,11 +20,11 @@ from granpinn.commands import train
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.fit.case import pose
-from granpinn.fit.final_loss import final_loss
+from granpinn.fit.ensemble import final_loss
 from granpinn.identification.start import start
 from granpinn.physics.terms import NAMES as TERMS
 from granpinn.results import InertialNumber, Parameter, Parameters, Result
-from granpinn.results.loss import Loss
+from granpinn.results.records import Loss
 from granpinn.training.guard import NonFiniteError
 from tests.examples import make_result
 from tests.runs import tiny

@@ -20,7 +20,7 @@ from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.fit.scoring import strain_rate
 from granpinn.physics.laws import DEFAULT
-from granpinn.results.zones import D2_STAGNANT
+from granpinn.results.fields import D2_STAGNANT
 from granpinn.simulation import Collapse, Engine, SimulationError, State
 from granpinn.simulation.engine import Start
 from granpinn.simulation.likeness import GrainColumn, collapse_of

@@ -11,7 +11,7 @@ from granpinn.data import Truth
 from granpinn.figures import curves
 from granpinn.figures.style import NothingToDraw
 from granpinn.results import Covariance, Result, summary
-from granpinn.results.determined import Determined
+from granpinn.results.parameters import Determined
 from granpinn.uncertainty.curve import with_curve
 from tests.figures.drawn import labels, line, xy
 from tests.run_folder import Array, Contents

@@ -20,7 +20,7 @@ from granpinn.identification.batch import identify_many
 from granpinn.identification.single import identify
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import read_fields
-from granpinn.results.zones import after_start
+from granpinn.results.fields import after_start
 from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.progress import Silent
 from granpinn.uncertainty.error_bars import judge

@@ -10,7 +10,7 @@ from granpinn.checks.comparison_of_laws import LawComparison
 from granpinn.data import Flow, Particles, particle_flow
 from granpinn.output import html
 from granpinn.results import Input, Parameter, Parameters
-from granpinn.results.compared_law import ComparedLaw
+from granpinn.results.records import ComparedLaw
 from tests.examples import PARAMETERS, SPARSE, make_result
 from tests.flows import make_chute
 

@@ -22,7 +22,7 @@ from granpinn.results import (
     Result,
     read_results,
 )
-from granpinn.results.assumed import Assumed
+from granpinn.results.records import Assumed
 from tests.examples import PARAMETERS, make_result
 from tests.page import Page
 

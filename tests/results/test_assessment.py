@@ -24,10 +24,10 @@ from granpinn.results import (
     write_results,
 )
 from granpinn.results.assessment import CONDITIONS, GRADES, Assessment
-from granpinn.results.compared_law import ComparedLaw
-from granpinn.results.flow_of_law import FlowOfLaw
 from granpinn.results.identified_law import Curve
 from granpinn.results.record import Reason
+from granpinn.results.records import ComparedLaw
+from granpinn.results.result import FlowOfLaw
 from tests.examples import BASELINE, make_result
 
 EXAMPLE = make_result()

@@ -18,9 +18,9 @@ from granpinn.commands import export
 from granpinn.errors import BadInput
 from granpinn.physics.laws import LAWS
 from granpinn.results import Input, Parameter, Parameters, Result, write_results
-from granpinn.results.determined import Determined
 from granpinn.results.export import DRAWS, FORMATS, PROGRAMS, draws_of
 from granpinn.results.identified_law import IdentifiedLaw
+from granpinn.results.parameters import Determined
 from tests.examples import LAW, PARAMETERS, SPARSE, make_result
 
 MU_2 = Parameter(0.61, fixed=False, std=0.02, interval_90=(0.57, 0.65))

@@ -18,7 +18,7 @@ from granpinn.data import Truth
 from granpinn.figures.animation import animate
 from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, demo_path
 from granpinn.simulation.engine import Engine, StepReport
-from granpinn.simulation.progress import lines
+from granpinn.simulation.run import lines
 
 COARSE = {"cells": 64, "frames": 4, "t_end": 1.0, "stride": 2, "threads": 1}
 FLAGS = [text for name, v in COARSE.items() for text in (f"--{name.replace('_', '-')}", str(v))]
@@ -29,7 +29,7 @@ import signal
 import sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background ignores it
 from granpinn.commands import simulate as command
-from granpinn.simulation.progress import lines
+from granpinn.simulation.run import lines
 command.lines = lambda t_end: lines(t_end, every=0.0)
 sys.exit(command.main(sys.argv[1:]))
 """

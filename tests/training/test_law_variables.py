@@ -11,9 +11,9 @@ from torch import Tensor
 
 from granpinn.config import Config, Optimizer, Rheology
 from granpinn.physics.laws import DEFAULT, LAWS
-from granpinn.training.control_table import ControlTable
 from granpinn.training.law_variables import LawVariables
 from granpinn.training.optimise import BatchOptimizer
+from granpinn.training.schedule import ControlTable
 
 WIDTHS = (3, 4, 3)
 LIKE = torch.zeros(0, dtype=torch.float64)

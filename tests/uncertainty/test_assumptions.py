@@ -19,7 +19,7 @@ from granpinn.fit.case import Case, pose
 from granpinn.identification import start
 from granpinn.identification.batch import identify_many
 from granpinn.identification.single import identify
-from granpinn.results.assumed import Assumed
+from granpinn.results.records import Assumed
 from granpinn.training.objective import Member
 from granpinn.uncertainty import sensitivity
 from granpinn.uncertainty.error_bars import judge

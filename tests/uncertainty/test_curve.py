@@ -21,7 +21,7 @@ from granpinn.results import (
     results_csv,
     write_results,
 )
-from granpinn.results.determined import Determined
+from granpinn.results.parameters import Determined
 from granpinn.results.records import ErrorBars
 from granpinn.uncertainty.curve import POINTS, stress_points, with_curve
 from granpinn.uncertainty.determined import determined

@@ -13,8 +13,7 @@ import pytest
 from scipy import stats
 
 from granpinn.physics.laws import DEFAULT
-from granpinn.results.assumed import Assumed
-from granpinn.results.records import Members
+from granpinn.results.records import Assumed, Members
 from granpinn.uncertainty import error_bars, error_model
 from granpinn.uncertainty.error_bars import center, nearest
 from granpinn.uncertainty.error_model import FEATURES, ErrorModel, Known, ends_of, line

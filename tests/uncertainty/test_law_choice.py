@@ -9,7 +9,7 @@ import torch
 from granpinn.checks.comparison_of_laws import LawComparison
 from granpinn.physics.laws import LAWS, free
 from granpinn.results import Parameter, Parameters
-from granpinn.results.compared_law import ComparedLaw
+from granpinn.results.records import ComparedLaw
 from granpinn.training.information import BOXES, Information
 from granpinn.uncertainty import law_choice
 from granpinn.uncertainty.curve import POINTS

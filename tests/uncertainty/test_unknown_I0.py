@@ -11,7 +11,7 @@ import pytest
 from granpinn.checks.profile_of_I0 import Profile
 from granpinn.results import Covariance, Parameter, Parameters, Result
 from granpinn.results.decoding import decode, encode
-from granpinn.results.determined import Determined
+from granpinn.results.parameters import Determined
 from granpinn.results.records import ErrorBars
 from granpinn.results.summary import NORMAL_90
 from granpinn.uncertainty.error_model import ends_of, line
