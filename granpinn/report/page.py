@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 from markupsafe import Markup, escape
 
 from granpinn.declared import checked
@@ -29,8 +30,9 @@ from granpinn.results import (
     read_results,
     write_csv,
 )
+from granpinn.results.assessment import reach_of
 from granpinn.results.result import in_words
-from granpinn.results.summary import summarize
+from granpinn.results.summary import true_friction
 from granpinn.terminal import say
 from granpinn.training.history import HistoryFileError, read_history
 
@@ -107,13 +109,15 @@ def render(
 ) -> str:
     """The page, with every figure inside."""
     settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
-    summary, law = summarize(result), result.friction_law
+    law, curve = result.friction_law, result.law.curve
+    true = None if curve is None else true_friction(result, np.array(curve.I))
     return template("report.html", duration=duration, base64=encoded).render(
         r=result,
         law=law,
         not_done=[(in_words(name), why) for name, why in result.not_done.items()],
         has_truth=any(result.error_percent.get(name) is not None for name in law.names),
-        s=summary,
+        reach=reach_of(result),
+        off=None if curve is None or true is None else float(np.abs(true - curve.mu).max()),
         a=result.assessment,
         answer=[picture for picture in pictures if picture.path.stem in ANSWER],
         pictures=[picture for picture in pictures if picture.path.stem not in ANSWER],

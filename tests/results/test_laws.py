@@ -26,7 +26,7 @@ from granpinn.results import (
     write_results,
 )
 from granpinn.results.records import Members
-from granpinn.results.summary import friction_sd, summarize
+from granpinn.results.summary import friction_sd, true_friction
 from granpinn.simulation.likeness import GrainColumn, collapse_of
 from granpinn.uncertainty.curve import with_curve
 from granpinn.uncertainty.error_bars import center, judge, nearest
@@ -94,12 +94,9 @@ def test_its_curve_is_drawn_with_its_truth() -> None:
     np.testing.assert_allclose(law.lines[1].get_ydata(), 0.3)
 
 
-def test_the_summary_is_that_of_the_law() -> None:
-    known = with_curve(coulomb(), np.geomspace(0.01, 0.1, 50), np.ones(50))
-    found = summarize(known)
-    assert (found.slope, found.reaches) == (None, None)
-    assert found.band is not None
-    assert found.band.largest_difference == pytest.approx(0.03)
+def test_the_true_law_and_the_error_are_those_of_the_law() -> None:
+    I = np.array([0.1, 1.0])
+    np.testing.assert_allclose(true_friction(coulomb(), I), 0.3)  # type: ignore[arg-type]
     covariance = Covariance(("mu_s",), ((0.01**2,),))
     np.testing.assert_allclose(friction_sd(np.array([0.1, 1.0]), coulomb(), covariance), 0.01)
 
