@@ -40,7 +40,7 @@ from granpinn.fit.context import Context, values_alone
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameters, Result
 from granpinn.results.record import Check, Record, Table
-from granpinn.results.summary import BAND_POINTS
+from granpinn.results.result import BAND_POINTS
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.progress import Progress
 from granpinn.uncertainty.unknown_I0 import ProfilePoint, unknown_I0

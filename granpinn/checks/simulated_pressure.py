@@ -4,7 +4,7 @@ Where nothing shears, the velocity does not fix the pressure (docs/explanation/p
 pressure of the network is a smooth continuation. The simulated pressure is defined there too. The
 simulation starts from the velocity of the network at one time, with the grains of that time and the
 identified law. It computes the pressure from the momentum balance, the law clamped at eta_max, the
-floor and the plane of symmetry (granpinn/simulation/settling.py). In flowing grains the two
+floor and the plane of symmetry (granpinn/simulation/engine.py). In flowing grains the two
 pressures agree. In resting grains the simulated pressure is of a material that creeps at eta_max.
 So their difference measures the freedom of the pressure. Frames are simulated side by side.
 """
@@ -37,7 +37,7 @@ from granpinn.physics.laws import FrictionLaw
 from granpinn.results import Fields, append_variable
 from granpinn.results.record import Check, Record
 from granpinn.simulation.chute import Chute
-from granpinn.simulation.engine import SimulationError, Start, State
+from granpinn.simulation.engine import SimulationError, Start, State, settle, settled_after
 from granpinn.simulation.likeness import (
     CORNER,
     STEADY,
@@ -54,7 +54,6 @@ from granpinn.simulation.likeness import (
     spacings,
 )
 from granpinn.simulation.parameters import Collapse
-from granpinn.simulation.settling import settle, settled_after
 from granpinn.simulation.threads import threads
 
 # (x, y, t) -> (u, v), all [n], in the units and axes of the flow.

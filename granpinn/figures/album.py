@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from granpinn.arrays import Floats
-from granpinn.figures import curves, maps, residual
+from granpinn.figures import curves, maps
 from granpinn.figures.style import Drawing, NothingToDraw, save
 from granpinn.output import make_folder
 from granpinn.results import Fields, Result
@@ -73,7 +73,7 @@ FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
     "velocity": ("Speed", lambda s: maps.velocity_fields(fields_of(s), s.frame)),
     "momentum_residual": (
         "Momentum residual",
-        lambda s: residual.momentum_residual(fields_of(s), s.frame),
+        lambda s: maps.momentum_residual(fields_of(s), s.frame),
     ),
     "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
 }

@@ -31,7 +31,7 @@ from granpinn.results.fields import after_start, flowing
 from granpinn.results.identified_law import StressPoints
 from granpinn.results.parameters import NOT_DETERMINED
 from granpinn.results.records import ComparedLaw
-from granpinn.results.summary import true_friction
+from granpinn.results.result import true_friction
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points
 COLORS = (BLUE, SKY, ORANGE, GREEN, PURPLE, YELLOW, GREY)  # of the terms of the loss, in order

@@ -12,7 +12,7 @@ import torch
 from granpinn import results
 from granpinn.fit import prediction, scoring
 from granpinn.fit.case import Case, Model
-from granpinn.fit.shear import inertial_range
+from granpinn.fit.prediction import inertial_range
 from granpinn.physics.laws import DEFAULT
 from granpinn.physics.terms import LAW, NAMES, TERMS
 from granpinn.results import Fields, Parameter, Parameters, Residuals, Result

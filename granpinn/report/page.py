@@ -31,8 +31,7 @@ from granpinn.results import (
     write_csv,
 )
 from granpinn.results.assessment import reach_of
-from granpinn.results.result import in_words
-from granpinn.results.summary import true_friction
+from granpinn.results.result import in_words, true_friction
 from granpinn.terminal import say
 from granpinn.training.history import HistoryFileError, read_history
 

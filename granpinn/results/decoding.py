@@ -20,7 +20,7 @@ from cattrs.errors import AttributeValidationNote, ForbiddenExtraKeysError
 from cattrs.gen import make_dict_structure_fn, mapping_structure_factory
 
 from granpinn.regular import read_text
-from granpinn.results.named import Named
+from granpinn.results.parameters import Named
 
 T = TypeVar("T")
 CONVERTER = Converter(forbid_extra_keys=True)

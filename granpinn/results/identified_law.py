@@ -75,7 +75,7 @@ class StressPoints:
 
 @dataclass(frozen=True)
 class IdentifiedLaw:
-    """The identified law over the inertial numbers that the data hold (uncertainty/curve.py).
+    """The identified law over the inertial numbers that the data hold (uncertainty/determined.py).
 
     Attributes:
         name: of the law (`granpinn.physics.laws.LAWS`).

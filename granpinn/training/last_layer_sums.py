@@ -22,11 +22,13 @@ from granpinn.data import TrainingSet
 from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.terms import NAMES, RESIDUALS
 from granpinn.training import curve_prior
-from granpinn.training.elimination import RIDGE, gram
 from granpinn.training.equations import DEPENDS, residuals
 from granpinn.training.features import Features
 from granpinn.training.objective import LAST_LAYER, draw
 from granpinn.training.problem import Problem
+
+BLOCKS = 4  # of columns in `gram`
+RIDGE = 1e-7  # on the coefficients, as a part of the diagonal of the normal equations
 
 
 class Boxes:
@@ -280,3 +282,13 @@ def chunks(points: Tensor) -> list[slice]:
     """Slices of points that are evaluated together."""
     ends = [*range(0, len(points), CHUNK[points.device.type]), len(points)]
     return [slice(first, end) for first, end in pairwise(ends)]
+
+
+def gram(J: Tensor) -> Tensor:
+    """J^T J [K, K] of J [n, K]; the blocks above the diagonal are copies of those below it."""
+    A = J.new_empty(J.shape[1], J.shape[1])
+    ends = [J.shape[1] * k // BLOCKS for k in range(BLOCKS + 1)]
+    for first, end in pairwise(ends):
+        A[first:end, :end] = J[:, first:end].T @ J[:, :end]
+        A[:first, first:end] = A[first:end, :first].T
+    return A

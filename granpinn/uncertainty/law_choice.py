@@ -5,7 +5,7 @@ inertial numbers, evenly in log I over the range of the data,
 
 $$ \chi^2 = (\mu(\theta) - m)^T C^{-1} (\mu(\theta) - m) + \text{prior of } I_0, $$
 
-with the covariance C of free_curve.py. $I_0$ is free here, with a prior of 40 % around its usual
+with the covariance C of the curve. $I_0$ is free here, with a prior of 40 % around its usual
 value: the range of I of one flow rarely tells it.
 
 **Told apart.** Two laws are told apart where their curves differ by more than 95 % of the errors of
@@ -15,6 +15,16 @@ not told apart from the nearest one, that with the fewest parameters is chosen.
 **Cohesion** is no part of a curve mu(I). It comes from a training of its own, with its error from
 the same sums; the law `cohesive` is told from the others where c is significant. Then the free
 curve, which has no cohesion, means nothing, and no other law is left.
+
+**The free curve.** Its coefficients c come from a training. Their covariance is
+
+$$ C = V + D, \qquad V = H^{-1} \Big( \sum_B s_B s_B^T \Big) H^{-1}: $$
+
+V holds the residuals, with the scores s_B of boxes in space and time that count as independent (the
+sandwich of White, Econometrica 48, 1980). Boxes of several sizes are tried; the largest V counts. D
+is the further error of simulated flows with known laws, that of mu(I) at both ends of the range of
+I times a factor, and the departure of real grains (error_model.py); between the ends the error of
+log mu is linear in log I.
 """
 
 from __future__ import annotations
@@ -22,6 +32,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy  # loads scipy.optimize at its first use
@@ -30,8 +41,75 @@ from granpinn.arrays import Float64
 from granpinn.physics.laws import LAWS, FrictionLaw, LawParameter, cohesive, free, mu_of_i
 from granpinn.results.parameters import Parameter, Parameters
 from granpinn.results.records import ComparedLaw
-from granpinn.results.summary import NORMAL_90
-from granpinn.uncertainty.free_curve import N, Quadratic, basis
+from granpinn.results.result import NORMAL_90
+from granpinn.training.information import BOXES, Information
+
+N = free.COEFFICIENTS
+SHAPES = ((4, 4, 8), (2, 2, 4), (4, 4, 4), (8, 8, 8))  # boxes along x, y and t
+
+
+class Quadratic(NamedTuple):
+    """The least loss of a law: its L free parameters, and their covariance V [L, L]."""
+
+    center: Float64
+    covariance: Float64
+
+
+def quadratic(found: Information, L: int) -> Quadratic | None:
+    """The least loss in the first L free parameters; None where the data do not determine them.
+
+    The trained parameters are taken as the least: one more step of Gauss and Newton from there
+    would follow the noise of the training.
+    """
+    scores = found.scores[:, :L].cpu().numpy()
+    information = found.information[:, :L, :L].cpu().numpy()
+    center = found.free[:L].cpu().numpy()
+    H = information.sum(0) + found.prior[:L, :L].cpu().numpy()
+    H += 1e-12 * np.trace(H) * np.eye(L)
+    if not (np.isfinite(H).all() and np.isfinite(scores).all() and np.linalg.eigvalsh(H)[0] > 0):
+        return None
+    scores = scores - information @ np.linalg.solve(H, scores.sum(0))
+    covariance, largest = np.zeros((L, L)), 0.0
+    for shape in SHAPES:
+        influence = np.linalg.solve(H, joined(scores, shape).T)
+        V = influence @ influence.T
+        size = float(np.trace(H @ V))
+        if size > largest:
+            covariance, largest = V, size
+    return Quadratic(center, covariance) if largest > 0 else None
+
+
+def joined(values: Float64, shape: tuple[int, int, int]) -> Float64:
+    """Sums [B, L] over larger boxes, of the values of all boxes [BOXES^3, L]."""
+    a, b, c = (BOXES // n for n in shape)
+    cube = values.reshape(shape[0], a, shape[1], b, shape[2], c, -1)
+    return np.asarray(cube.sum((1, 3, 5)).reshape(np.prod(shape), -1))
+
+
+def basis(I: Float64, I_low: float, I_high: float) -> Float64:
+    """mu of each coefficient at every I [n, N]."""
+    columns = [free.friction(I, *row, I_low, I_high) for row in np.eye(N)]
+    return np.stack(columns, axis=1)
+
+
+def model_covariance(
+    I: Float64,
+    mu: Float64,
+    I_range: tuple[float, float],
+    of_ends: Float64,
+) -> Float64:
+    """D at every I [n, n], beyond the residuals.
+
+    Args:
+        mu: friction there [n].
+        I_range: of the flow, 5th and 95th percentile.
+        of_ends: covariance of log mu at both ends of that range [2, 2].
+    """
+    low, high = np.log(I_range)
+    part = np.clip((np.log(I) - low) / (high - low), 0, 1)
+    J = mu[:, None] * np.stack([1 - part, part], axis=1)
+    return np.asarray(J @ of_ends @ J.T)
+
 
 CLEAR = 4.0  # difference of chi^2: two standard deviations
 I0_SPREAD = 0.4  # of ln I0

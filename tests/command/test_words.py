@@ -17,7 +17,7 @@ from granpinn.config import Config, ConfigError
 from granpinn.config.values import convert as value_of
 from granpinn.data import Flow, write_flow
 from granpinn.results import write_results
-from granpinn.results.results_csv import write_csv
+from granpinn.results.results_file import write_csv
 from granpinn.terminal import visible
 from tests.examples import make_result
 from tests.flows import make_flow

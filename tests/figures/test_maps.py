@@ -10,7 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from granpinn.figures import maps, residual, style
+from granpinn.figures import maps, style
 from granpinn.figures.style import NothingToDraw
 from granpinn.results import Fields
 from granpinn.results.fields import Units
@@ -130,7 +130,7 @@ def test_grains_of_every_shape_fit_their_figure(
     first, second = (axes.get_position() for axes in speed.axes[:2])
     stacked = first.y0 > second.y1
     assert stacked == (maps.aspect_of(fields, maps.grain_window(fields, K)) < maps.WIDE)
-    style.save(residual.momentum_residual(fields, K).figure, tmp_path / "residual.png")
+    style.save(maps.momentum_residual(fields, K).figure, tmp_path / "residual.png")
 
 
 def test_a_frame_without_grains_is_not_drawn(fields: Fields) -> None:
@@ -181,7 +181,7 @@ def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
         momentum_residual_y=np.where(rest, 0, -0.8 * size),
         D2=np.where(rest, 0.0, 1e3),
     )
-    drawing = residual.momentum_residual(fields, K)
+    drawing = maps.momentum_residual(fields, K)
     field_map, histogram = drawing.figure.axes[:2]
     now = fields.time_of_points() == fields.t[K]
     grey, colored = (m for m in field_map.collections if isinstance(m, QuadMesh))
@@ -197,4 +197,4 @@ def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
 
 def test_a_residual_that_is_nowhere_finite_is_not_drawn(fields: Fields) -> None:
     with pytest.raises(NothingToDraw, match="not finite where grains shear"):
-        residual.momentum_residual(with_values(fields, momentum_residual_x=np.nan), K)
+        maps.momentum_residual(with_values(fields, momentum_residual_x=np.nan), K)

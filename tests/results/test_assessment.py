@@ -18,7 +18,6 @@ from granpinn.results import (
     Residuals,
     Result,
     Timing,
-    brief,
     read_results,
     write_csv,
     write_results,
@@ -27,7 +26,7 @@ from granpinn.results.assessment import CONDITIONS, GRADES, Assessment
 from granpinn.results.identified_law import Curve
 from granpinn.results.record import Reason
 from granpinn.results.records import ComparedLaw
-from granpinn.results.result import FlowOfLaw
+from granpinn.results.result import FlowOfLaw, brief
 from tests.examples import BASELINE, make_result
 
 EXAMPLE = make_result()
@@ -217,4 +216,4 @@ def test_all_outputs_have_the_same_answer(changes: dict[str, Any], tmp_path: Pat
     ("factor", "words"), [(1.1, "+- "), (1.8, "mu(I)   not determined at I = 0.01 to 0.2")]
 )
 def test_the_curve_in_a_line(factor: float, words: str) -> None:
-    assert any(words in line for line in brief.lines(make_result(law=law(factor))))
+    assert any(words in line for line in brief(make_result(law=law(factor))))

@@ -22,13 +22,13 @@ from granpinn.results import (
     Parameters,
     Result,
     read_results,
-    results_csv,
+    results_file,
     write_results,
 )
 from granpinn.results.records import Members
-from granpinn.results.summary import friction_sd, true_friction
+from granpinn.results.result import friction_sd, true_friction
 from granpinn.simulation.likeness import GrainColumn, collapse_of
-from granpinn.uncertainty.curve import with_curve
+from granpinn.uncertainty.determined import with_curve
 from granpinn.uncertainty.error_bars import center, judge, nearest
 from tests.examples import make_fields, make_result
 from tests.flows import make_flow
@@ -76,7 +76,7 @@ def test_table_row_and_page_have_its_parameters_alone(tmp_path: Path) -> None:
     row_of_mu_s = result.summary().splitlines()[1].split()
     assert row_of_mu_s == ["mu_s", "0.3300", "-", "-", "0.3000", "10.00"]
     assert "I0" not in result.summary()
-    row = results_csv.row(result)
+    row = results_file.row(result)
     assert (row["law"], row["mu_s"], row["error_mu_s"]) == ("coulomb", 0.33, 10.0)
     assert not {"mu_2", "I0", "error_mu_2"} & set(row)
     page = Page(pages.render(result, [], [], []))

@@ -14,7 +14,8 @@ from granpinn import identify
 from granpinn.config import Config, ConfigError
 from granpinn.fit import case
 from granpinn.identification import start
-from granpinn.training import continuation, room
+from granpinn.training import room
+from granpinn.uncertainty import sensitivity
 from tests.flows import make_flow
 from tests.runs import make_trainer, tiny
 
@@ -108,4 +109,4 @@ def test_copies_that_do_not_fit_are_refused(monkeypatch: pytest.MonkeyPatch) -> 
     trainer = make_trainer(tiny(), make_flow())
     monkeypatch.setattr(room, "available", lambda: 10**6)
     with pytest.raises(ConfigError, match="got 0.001 GB"):
-        continuation.continued(trainer, [(0, trainer.objective.members[0])])
+        sensitivity.continued(trainer, [(0, trainer.objective.members[0])])

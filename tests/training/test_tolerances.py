@@ -18,7 +18,7 @@ from granpinn.physics.scales import Scales
 from granpinn.physics.terms import NAMES
 from granpinn.simulation import demo_path
 from granpinn.training import problem
-from granpinn.training.tolerances import (
+from granpinn.training.problem import (
     MOST_COLUMNS,
     RESOLVED,
     VelocityNoise,

@@ -18,13 +18,12 @@ from granpinn.results import (
     Parameters,
     Result,
     read_results,
-    results_csv,
+    results_file,
     write_results,
 )
 from granpinn.results.parameters import Determined
 from granpinn.results.records import ErrorBars
-from granpinn.uncertainty.curve import POINTS, stress_points, with_curve
-from granpinn.uncertainty.determined import determined
+from granpinn.uncertainty.determined import POINTS, determined, stress_points, with_curve
 from tests.examples import make_result
 
 Array = npt.NDArray[np.floating]
@@ -146,15 +145,15 @@ def test_without_a_meaning_there_is_no_curve() -> None:
     made = with_curve(make_result(determined=nothing), spread_of(0.01, 0.3), np.ones(2001))
     assert made.law.curve is None
     assert str(made.law).endswith("not determined: walls move")
-    row = results_csv.row(made)
-    assert [row[f"mu_at_I_{place}"] for place in results_csv.PLACES] == ["not determined"] * 3
+    row = results_file.row(made)
+    assert [row[f"mu_at_I_{place}"] for place in results_file.PLACES] == ["not determined"] * 3
     assert row["I_low"] is None
 
 
 def test_grains_at_rest_have_no_range() -> None:
     made = with_curve(make_result(), np.zeros(5), np.ones(5))
     assert made.law == IdentifiedLaw("mu_of_i", reason="no grains shear")
-    assert results_csv.row(made)["mu_at_I_low"] is None
+    assert results_file.row(made)["mu_at_I_low"] is None
 
 
 def test_the_points_are_medians_with_16_to_84_percent() -> None:
@@ -183,7 +182,7 @@ def test_the_record_in_the_files(tmp_path: object) -> None:
     content = result.to_dict()["law"]
     assert list(content)[:3] == ["name", "I_range", "curve"]
     assert list(content["curve"]) == ["I", "mu", "low", "high"]
-    row, curve = results_csv.row(result), result.law.curve
+    row, curve = results_file.row(result), result.law.curve
     assert curve is not None
     assert curve.low is not None
     assert curve.high is not None

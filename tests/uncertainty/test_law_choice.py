@@ -12,15 +12,19 @@ from granpinn.results import Parameter, Parameters
 from granpinn.results.records import ComparedLaw
 from granpinn.training.information import BOXES, Information
 from granpinn.uncertainty import law_choice
-from granpinn.uncertainty.curve import POINTS
-from granpinn.uncertainty.free_curve import Quadratic, basis, joined, model_covariance, quadratic
+from granpinn.uncertainty.determined import POINTS
 from granpinn.uncertainty.law_choice import (
     Cohesion,
     CurveBand,
     Fit,
+    Quadratic,
     apart,
+    basis,
     choice,
     fits,
+    joined,
+    model_covariance,
+    quadratic,
     with_cohesion,
 )
 

@@ -13,7 +13,7 @@ from granpinn.results import Covariance, Parameter, Parameters, Result
 from granpinn.results.decoding import decode, encode
 from granpinn.results.parameters import Determined
 from granpinn.results.records import ErrorBars
-from granpinn.results.summary import NORMAL_90
+from granpinn.results.result import NORMAL_90
 from granpinn.uncertainty.error_model import ends_of, line
 from granpinn.uncertainty.unknown_I0 import ProfilePoint, unknown_I0
 from tests.examples import make_result

@@ -34,8 +34,7 @@ from granpinn.results import DataSummary, Input, Parameter, Parameters, Residual
 from granpinn.results.assessment import GRADES, contradicted
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import Reason
-from granpinn.uncertainty.curve import with_curve
-from granpinn.uncertainty.determined import applied, determined
+from granpinn.uncertainty.determined import applied, determined, with_curve
 from granpinn.uncertainty.error_bars import judge
 
 ERRORS = {"below 2 %": 2.0, "2 to 10 %": 10.0, "above 10 %": np.inf}  # rms of mu(I), in %

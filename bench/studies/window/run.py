@@ -21,7 +21,7 @@ from granpinn import identify
 from granpinn.data import Flow, read_flow
 from granpinn.data.flow import WINDOW
 from granpinn.results import Result
-from granpinn.results.summary import true_friction
+from granpinn.results.result import true_friction
 
 SPACING = 4  # cells
 WINDOWS = (0, 1, 2, 4)  # spacings
