@@ -73,9 +73,8 @@ def test_flow_file_states_its_side_walls(tmp_path: Path) -> None:
 
 def test_flow_file_names_its_law(tmp_path: Path) -> None:
     path = tmp_path / "flow.h5"
-    figures = ["--figures", str(tmp_path)]
     law = ["--law", "coulomb", "--mu-s", "0.3"]
-    assert command.main([*law, *FLAGS, *figures, "--out", str(path)]) == 0
+    assert command.main([*law, *FLAGS, "--out", str(path)]) == 0
     assert granpinn.read_flow(path).truth == Truth(mu_s=0.3, law="coulomb")
 
 
@@ -205,14 +204,12 @@ def test_paper_cases_make_six_files_and_their_figure(tmp_path: Path) -> None:
     assert (folder / "final_states.png").stat().st_size > 10_000
 
 
-def test_figures_and_animation(tmp_path: Path) -> None:
-    out, figures, gif = tmp_path / "a.h5", tmp_path / "figures", tmp_path / "a.gif"
-    flags = [*FLAGS, "--figures", str(figures), "--animation", str(gif)]
-    assert command.main([*flags, "--out", str(out)]) == 0
-    assert {p.name for p in figures.iterdir()} == {"a_surfaces.png", "a_snapshots.png"}
+def test_an_animation(tmp_path: Path) -> None:
+    out, gif = tmp_path / "a.h5", tmp_path / "a.gif"
+    assert command.main([*FLAGS, "--animation", str(gif), "--out", str(out)]) == 0
     assert gif.read_bytes()[:6] == b"GIF89a"
     assert animate(granpinn.read_flow(out), gif) == gif
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.gif", "a.h5", "figures"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.gif", "a.h5"]
 
 
 def test_progress_lines(capsys: pytest.CaptureFixture[str]) -> None:
