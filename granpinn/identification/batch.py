@@ -22,7 +22,7 @@ from granpinn.declared import checked
 from granpinn.fit.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.fit.context import Context
 from granpinn.identification import answer
-from granpinn.identification.identified import Identification, InFolder
+from granpinn.identification.identified import Identification, in_folder
 from granpinn.identification.start import (
     CHECKS,
     ERROR_BARS,
@@ -172,7 +172,7 @@ def _in_order(found: Sequence[Result], count: int, root: Path | None) -> list[Id
     every = [shares[e % len(shares)][e // len(shares)] for e in range(count)]
     return [
         Identification.of(
-            result, None if root is None else InFolder(root / f"{e:03d}", result.friction_law)
+            result, None if root is None else in_folder(root / f"{e:03d}", result.friction_law)
         )
         for e, result in enumerate(every)
     ]
