@@ -10,8 +10,8 @@ from torch import Tensor
 
 from granpinn.config import Config, Rheology
 from granpinn.physics.laws import DEFAULT
-from granpinn.training.control_table import ControlTable
 from granpinn.training.law_variables import LawVariables
+from granpinn.training.schedule import ControlTable
 
 ADAM = [5e-4, 0.9, 0.999, 1e-8]  # as torch has them: learning rate, two decay rates, epsilon
 

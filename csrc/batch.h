@@ -9,7 +9,7 @@
 
 namespace granpinn {
 
-// Streams of the generator, as in granpinn/training/sampling.py.
+// Streams of the generator, as in granpinn/training/objective.py.
 constexpr std::uint32_t kInteriorStream = 0, kSurfaceStream = 1;
 
 template <class T>

@@ -29,9 +29,9 @@ from granpinn.results import (
     Timing,
     Zones,
 )
-from granpinn.results.determined import Determined
 from granpinn.results.fields import Units
 from granpinn.results.identified_law import Curve, IdentifiedLaw, StressPoints
+from granpinn.results.parameters import Determined
 from granpinn.results.records import ErrorBars, Members
 
 PARAMETERS = Parameters(

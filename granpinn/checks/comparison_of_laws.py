@@ -11,8 +11,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from granpinn.config import Config, ConfigError
 from granpinn.estimates.confined import undetermined
 from granpinn.fit.case import Case, fixed_values
@@ -20,8 +18,8 @@ from granpinn.fit.context import Context
 from granpinn.fit.free_curve import FreeCurve, NoFreeCurveError, quadratic_of
 from granpinn.physics.laws import LAWS, cohesive, free
 from granpinn.results import Parameter, Parameters, Result
-from granpinn.results.compared_law import ComparedLaw
 from granpinn.results.record import CARE, Check, Reason, Record, Table
+from granpinn.results.records import ComparedLaw
 from granpinn.uncertainty import law_choice
 from granpinn.uncertainty.law_choice import Cohesion
 
@@ -39,10 +37,9 @@ class LawComparison(Record):
 
     title = "Which law?"
     notes = (
-        "Score: log likelihood of blocks of time that were left out, relative to the law that is "
-        "nearest to the free curve. The parameters are those of the law that is nearest to the "
-        "free curve; the values at the top are from the training with that law. Laws whose curves "
-        "differ by less than the error of the free curve are not told apart."
+        "The parameters are those of the law that is nearest to the free curve; the values at the "
+        "top are from the training with that law. Laws whose curves differ by less than the error "
+        "of the free curve are not told apart."
     )
 
     laws: tuple[ComparedLaw, ...]
@@ -69,8 +66,11 @@ class LawComparison(Record):
 
     @property
     def table(self) -> Table:
-        rows = [(c.law, f"{c.score:.1f}", _values(c.parameters)) for c in self.laws]
-        return Table(("law", "score", "parameters"), rows)
+        verdicts = dict.fromkeys(self.excluded, "excluded") | {self.chosen: "chosen"}
+        rows = [
+            (c.law, verdicts.get(c.law, "not told apart"), _values(c.parameters)) for c in self.laws
+        ]
+        return Table(("law", "verdict", "parameters"), rows)
 
     @property
     def excluded(self) -> list[str]:
@@ -119,11 +119,6 @@ def companions(case: Case) -> list[Case]:
         raise ConfigError(
             f"--compare-laws compares the laws of granpinn, got your own law {config.law}: leave "
             "--compare-laws out"
-        )
-    if config.rheology.start is not None:
-        raise ConfigError(
-            "--rheology.start has the parameters of one law, and --compare-laws trains several: "
-            "leave one of them out"
         )
     return [_with_law(case, name) for name in _others(config)]
 
@@ -180,8 +175,7 @@ def _cohesion(context: Context, curve: FreeCurve) -> Cohesion:
         (p.name, Parameter(value, fixed=p.fixed))
         for p, value in zip(law.parameters, law.to_physical(theta, unit), strict=True)
     )
-    gain = c**2 / (2 * np.linalg.inv(known.curvature)[k, k] * known.temperature)
-    return Cohesion(values, c * unit, least * unit, std * unit, float(gain))
+    return Cohesion(values, c * unit, least * unit, std * unit)
 
 
 CHECK = Check(

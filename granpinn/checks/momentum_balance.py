@@ -14,7 +14,7 @@ from granpinn.fit.context import Context
 from granpinn.inspection.momentum_balance import I0, Baseline, Point
 from granpinn.results import Parameters, Result
 from granpinn.results.record import BAD, CARE, GOOD, Check, Reason, Record
-from granpinn.results.summary import friction_sd
+from granpinn.results.result import friction_sd
 
 SIGNIFICANT = 3.0  # standard errors between the momentum balance and the law
 CARRIED = "more than the base carries the grains, and the forces of walls are not known"

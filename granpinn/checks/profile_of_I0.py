@@ -40,7 +40,7 @@ from granpinn.fit.context import Context, values_alone
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameters, Result
 from granpinn.results.record import Check, Record, Table
-from granpinn.results.summary import BAND_POINTS
+from granpinn.results.result import BAND_POINTS
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.progress import Progress
 from granpinn.uncertainty.unknown_I0 import ProfilePoint, unknown_I0
@@ -57,15 +57,9 @@ class Profile(Record):
         points: in increasing I0.
         n_seeds: number of finished trainings at each value.
         smallest_rise: a rise of the loss up to this is scatter of the training.
-        law_accuracy: laws that differ by no more than this count as equal.
-        I_low, I_high: the inertial numbers that the data cover (5 % and 95 % quantiles).
         best: I0 of the least loss where the data separate it, else None.
         allowed: lower and upper bound of I0; None where the grid excludes no value at that side.
-        slope, slope_std: (mu_2 - mu_s) / I0 at the I0 of the run, and its scatter over the seeds.
-        correlation: of mu_2 with I0 over all trainings at values that are not excluded.
-        mu_2_by_I0: d mu_2 / d I0 at the I0 of the run.
-        status: "separable", "lower bound", "upper bound", "not separable".
-        answer: the status in a sentence.
+        answer: the same in a sentence.
         unknown: mu_s, slope and I0 where I0 is not known, each with a 90 % interval or not
             determined (uncertainty/unknown_I0.py); None: the run has no error bars.
     """
@@ -74,24 +68,15 @@ class Profile(Record):
     notes = (
         "I0 was held at every value in several trainings. A value is excluded where the loss rises "
         "by more than three standard errors over the seeds, and the law differs from the best one "
-        "over the inertial numbers of the data by more than --profile.law_accuracy. Slope and d "
-        "mu_2/d I0 are at the I0 of the run. Where I0 is unknown, every value that is not excluded "
-        "counts alike."
+        "over the inertial numbers of the data by more than --profile.law_accuracy. Where I0 is "
+        "unknown, every value that is not excluded counts alike."
     )
 
     points: tuple[ProfilePoint, ...]
     n_seeds: int
     smallest_rise: float
-    law_accuracy: float
-    I_low: float
-    I_high: float
     best: float | None
     allowed: tuple[float | None, float | None]
-    slope: float
-    slope_std: float
-    correlation: float | None
-    mu_2_by_I0: float
-    status: str
     answer: str
     unknown: Parameters | None = None
 
@@ -101,19 +86,10 @@ class Profile(Record):
 
     @property
     def words(self) -> str:
-        correlation = "-" if self.correlation is None else f"{self.correlation:+.2f}"
-        return (
-            f"{self.answer}\n{self._unknown()}\n"
-            f"slope (mu_2 - mu_s)/I0 {self.slope:.3f} +- {self.slope_std:.3f}, d mu_2/d I0 "
-            f"{self.mu_2_by_I0:+.2f}, correlation of mu_2 with I0 {correlation}"
-        )
-
-    def _unknown(self) -> str:
-        """The line on the parameters where I0 is not known."""
         if self.unknown is None:
-            return "with I0 unknown: no error bars, as the run has none"
-        words = [f"{name} {p.words}" for name, p in self.unknown.items()]
-        return f"with I0 unknown (90 % intervals): {', '.join(words)}"
+            return f"{self.answer}\nwith I0 unknown: no error bars, as the run has none"
+        found = [f"{name} {p.words}" for name, p in self.unknown.items()]
+        return f"{self.answer}\nwith I0 unknown (90 % intervals): {', '.join(found)}"
 
     @property
     def table(self) -> Table:
@@ -201,7 +177,7 @@ def profile_I0(
         keep_fields=False,
         progress=progress,
     )
-    return profile_from(found, config.profile.law_accuracy, config.I0)
+    return profile_from(found, config.profile.law_accuracy)
 
 
 def make(context: Context) -> Profile:
@@ -218,12 +194,11 @@ def make(context: Context) -> Profile:
     return dataclasses.replace(profile, unknown=unknown)
 
 
-def profile_from(results: Sequence[Result], law_accuracy: float, given: float) -> Profile:
+def profile_from(results: Sequence[Result], law_accuracy: float) -> Profile:
     """The profile of trainings at every pair of an I0 and a seed.
 
     Args:
         law_accuracy: laws that differ by no more than this count as equal.
-        given: I0 of the run, at which slope and d mu_2 / d I0 are taken.
 
     Raises:
         NonFiniteError: fewer than two seeds finished their training at every I0.
@@ -262,25 +237,10 @@ def profile_from(results: Sequence[Result], law_accuracy: float, given: float) -
         )
         for v in range(len(grid))
     )
-    at = int(np.argmin(np.abs(np.log(np.array(grid) / given))))
-    status, allowed, estimate = _status(np.array(grid), rises, excluded, best)
-    slopes = (mu_2 - mu_s)[at] / grid[at]
-    return Profile(
-        points=points,
-        n_seeds=len(seeds),
-        smallest_rise=smallest,
-        law_accuracy=law_accuracy,
-        I_low=low,
-        I_high=high,
-        best=estimate,
-        allowed=allowed,
-        slope=float(slopes.mean()),
-        slope_std=float(slopes.std(ddof=1)),
-        correlation=_correlation(np.array(grid), mu_2, excluded),
-        mu_2_by_I0=_derivative(grid, mu_2.mean(axis=1), at),
-        status=status,
-        answer=_answer(status, allowed, estimate, (low, high)),
-    )
+    found = _answer(np.array(grid), rises, excluded, best)
+    covers = f"I covers {low:.2f}..{high:.2f}"
+    answer = found[2] + (f" ({covers})" if found[0] else f": {covers}")
+    return Profile(points, len(seeds), smallest, *found[:2], answer)
 
 
 def fair_losses(table: Sequence[Sequence[Result]]) -> Float64:
@@ -306,23 +266,23 @@ def _covered(results: Sequence[Result]) -> tuple[float, float]:
     return low, max(float(np.median([band.q95 for band in bands])), low)
 
 
-def _status(
+def _answer(
     grid: Float64, rises: Float64, excluded: Bool, best: int
-) -> tuple[str, tuple[float | None, float | None], float | None]:
-    """The status of I0, the values that are allowed, and an estimate where there is one."""
+) -> tuple[float | None, tuple[float | None, float | None], str]:
+    """An estimate of I0 where there is one, the values that are allowed, and both in words."""
     kept = np.flatnonzero(~excluded)
-    open_below, open_above = not excluded[0], not excluded[-1]
     # The bound lies between the last value that is allowed and the first that is not.
-    lower = None if open_below else float(np.sqrt(grid[kept[0] - 1] * grid[kept[0]]))
-    upper = None if open_above else float(np.sqrt(grid[kept[-1]] * grid[kept[-1] + 1]))
-    allowed = (lower, upper)
-    if open_below and open_above:
-        return "not separable", allowed, None
-    if open_above:
-        return "lower bound", allowed, None
-    if open_below:
-        return "upper bound", allowed, None
-    return "separable", allowed, vertex(np.log(grid), rises, best)
+    low = float(np.sqrt(grid[kept[0] - 1] * grid[kept[0]])) if excluded[0] else None
+    high = float(np.sqrt(grid[kept[-1]] * grid[kept[-1] + 1])) if excluded[-1] else None
+    if low is not None and high is not None:
+        I0 = vertex(np.log(grid), rises, best)
+        return I0, (low, high), f"I0 = {I0:.3g}, between {low:.3g} and {high:.3g}"
+    words = "I0 is not separable in these data"
+    if low is not None:
+        words = f"I0 is above {low:.3g}, and these data show no upper end"
+    elif high is not None:
+        words = f"I0 is below {high:.3g}, and these data show no lower end"
+    return None, (low, high), words
 
 
 def vertex(x: Float64, rises: Float64, best: int) -> float:
@@ -331,38 +291,6 @@ def vertex(x: Float64, rises: Float64, best: int) -> float:
     a, b, _ = np.polyfit(x[around] - x[best], rises[around], 2)
     shift = 0.0 if a <= 0 else -b / (2 * a)
     return math.exp(float(x[best] + np.clip(shift, x[best - 1] - x[best], x[best + 1] - x[best])))
-
-
-def _correlation(grid: Float64, mu_2: Float64, excluded: Bool) -> float | None:
-    """Of mu_2 with I0 over all trainings that are allowed; None for a single value of I0."""
-    I0 = np.broadcast_to(grid[:, None], mu_2.shape)[~excluded].ravel()
-    values = mu_2[~excluded].ravel()
-    if len(set(I0.tolist())) < 2 or values.std() == 0:
-        return None
-    return float(np.corrcoef(I0, values)[0, 1])
-
-
-def _derivative(grid: Sequence[float], mu_2: Float64, at: int) -> float:
-    """d mu_2 / d I0 by the difference over the neighbours of a value."""
-    before, after = max(at - 1, 0), min(at + 1, len(grid) - 1)
-    return float((mu_2[after] - mu_2[before]) / (grid[after] - grid[before]))
-
-
-def _answer(
-    status: str,
-    allowed: tuple[float | None, float | None],
-    estimate: float | None,
-    band: tuple[float, float],
-) -> str:
-    covers = f"I covers {band[0]:.2f}..{band[1]:.2f}"
-    low, high = allowed
-    if status == "separable":
-        return f"I0 = {estimate:.3g}, between {low:.3g} and {high:.3g} ({covers})"
-    if status == "lower bound":
-        return f"I0 is above {low:.3g}, and these data show no upper end: {covers}"
-    if status == "upper bound":
-        return f"I0 is below {high:.3g}, and these data show no lower end: {covers}"
-    return f"I0 is not separable in these data: {covers}"
 
 
 CHECK = Check(

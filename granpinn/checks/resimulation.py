@@ -1,39 +1,46 @@
 """A simulation with the identified law against the data: a check that takes the law alone.
 
-The simulation starts from the grains of the first frame (second_opinion/scenes.py) and writes its
-frames at the times of the data.
+The simulation starts from the grains of the first frame (simulation/likeness.py) and has frames at
+the times of the data: velocity, front and surface are compared.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from granpinn.arrays import Float64
 from granpinn.data import Flow
-from granpinn.data.norms import rms
+from granpinn.data.norms import relative_l2, rms
 from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer
 from granpinn.fit.context import Context
 from granpinn.physics.laws import FrictionLaw
 from granpinn.results import plain
 from granpinn.results.record import Check, Record
-from granpinn.second_opinion import layers
-from granpinn.second_opinion.comparison import Comparison, compare
-from granpinn.second_opinion.scenes import GrainColumn, scene_of
-from granpinn.simulation.progress import SilentSimulation, SimulationLines
+from granpinn.simulation.likeness import GrainColumn, heights, interpolation, scene_of, spread
 from granpinn.simulation.recorder import Recorder
-from granpinn.simulation.run import record
+from granpinn.simulation.run import lines, states
 
+PROFILE_SHARES = (0.1, 0.3, 0.5, 0.75, 1.0)  # of the last time
 Numbers = tuple[float | None, ...]  # None: not known
 
 
 @dataclass(frozen=True)
 class Curves:
-    """The two flows over time (second_opinion/comparison.py)."""
+    """The two flows at the times of the data; lengths in the units of the file.
+
+    Attributes:
+        t, front, front_simulated, velocity_percent, profile_rms: [T]; None where there is none. A
+            layer on a slope has no front.
+        x: coordinates of the profiles [X].
+        frames: of the profiles [K]; profiles, profiles_simulated: heights of the surface [K, X].
+    """
 
     t: Numbers
     front: Numbers
@@ -45,20 +52,9 @@ class Curves:
     profiles: tuple[Numbers, ...]
     profiles_simulated: tuple[Numbers, ...]
 
-    @classmethod
-    def of(cls, comparison: Comparison) -> Curves:
-        """The curves of a comparison, for a file."""
-
-        def tuples(value: Any) -> Any:
-            return tuple(map(tuples, value)) if isinstance(value, list) else value
-
-        return cls(**{name: tuples(plain(v)) for name, v in comparison._asdict().items()})
-
-    def comparison(self) -> Comparison:
-        """The same as arrays, with NaN for what is not known."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        arrays: dict[str, Any] = {name: np.array(v, float) for name, v in values.items()}
-        return Comparison(**arrays | {"frames": list(self.frames)})
+    def array(self, name: str) -> Float64:
+        """One of them as an array, with NaN for what is not known."""
+        return np.array(getattr(self, name), float)
 
 
 @dataclass(frozen=True)
@@ -118,11 +114,11 @@ class Resimulation(Record):
             return {}
         from granpinn.figures.checks import resimulation  # matplotlib is loaded when it is used
 
-        comparison = self.curves.comparison()
+        curve = self.curves.array
         return {
             "resimulation": (
                 self.title,
-                lambda s: resimulation(comparison, s.fields.units if s.fields else None),
+                lambda s: resimulation(curve, s.fields.units if s.fields else None),
             )
         }
 
@@ -132,14 +128,15 @@ def resimulate(
     law: FrictionLaw,
     theta: Sequence[float],
     cells: int | None = None,
-    listener: SilentSimulation | None = None,
+    say: Callable[[str], None] | None = None,
     wall_friction: float | None = None,
 ) -> Resimulation:
     """Simulate with an identified law and compare with the data.
 
     Args:
         flow: the file's own data, without added noise.
-        theta, cells, wall_friction: as in `scenes.collapse_of`.
+        theta, cells, wall_friction: as in `likeness.collapse_of`.
+        say: takes lines about the progress.
 
     Raises:
         SimulationError: a solve did not converge.
@@ -151,30 +148,95 @@ def resimulate(
     scene, start = posed
     begin = time.monotonic()
     recorder = Recorder(scene)
-    record(recorder, listener or SilentSimulation(), flow.t.tolist())
+    listener = None if say is None else lines(float(flow.t[-1]), say)
+    for t, state in states(scene, flow.t.tolist(), listener):
+        recorder.add(t, state)
     seconds = time.monotonic() - begin
     simulated = recorder.flow()
-    curves, whole = compare(flow, layers.spread(simulated, flow.x) if flow.periodic else simulated)
-    found = Resimulation(
-        objection=None,
-        cells=scene.cells,
-        seconds=seconds,
-        velocity_percent=whole.velocity_percent,
-        common_percent=whole.common_percent,
+    found = compare(flow, spread(simulated, flow.x) if flow.periodic else simulated)
+    curves, record = (
+        found.curves,
+        Resimulation(
+            objection=None,
+            cells=scene.cells,
+            seconds=seconds,
+            velocity_percent=found.velocity_percent,
+            common_percent=found.common_percent,
+            curves=found.curves,
+        ),
     )
     if not isinstance(start, GrainColumn):
-        none = np.full(len(flow.t), np.nan)
-        curves = curves._replace(front=none, front_simulated=none)
-        return replace(found, layer=start, curves=Curves.of(curves))
-    front = (curves.front_simulated - curves.front) / start.height
+        none = (None,) * len(flow.t)
+        curves = replace(curves, front=none, front_simulated=none)
+        return replace(record, layer=start, curves=curves)
+    front = (curves.array("front_simulated") - curves.array("front")) / start.height
     return replace(
-        found,
+        record,
         column=(start.width, start.height),
         front_percent=100 * rms(front),
         front_worst_percent=100 * float(np.nanmax(np.abs(front))),
-        profile_percent=100 * rms(curves.profile_rms) / start.height,
-        curves=Curves.of(curves),
+        profile_percent=100 * rms(curves.array("profile_rms")) / start.height,
     )
+
+
+class Comparison(NamedTuple):
+    """The curves, velocity error over the common points, and their share of the points of the
+    data, both in %."""
+
+    curves: Curves
+    velocity_percent: float | None
+    common_percent: float
+
+
+def compare(flow: Flow, simulated: Flow) -> Comparison:
+    """The data against a simulation with frames at the same times."""
+    at = interpolation(simulated, flow)
+    known, found, of_frame = [], [], []
+    for k in range(len(flow.t)):
+        own = np.stack([at(simulated.u[k]), at(simulated.v[k])])
+        data = np.stack([flow.u[k], flow.v[k]]).astype(np.float64)
+        common = flow.valid[k] & np.isfinite(own).all(axis=0)
+        known.append(data[:, common])
+        found.append(own[:, common])
+        of_frame.append(relative_l2(own[:, common], data[:, common]))
+    measured, others = heights(flow), heights(simulated)
+    others = np.stack([np.interp(flow.x, simulated.x, h, right=0.0) for h in others])
+    frames = sorted({int(np.argmin(np.abs(flow.t - s * flow.t[-1]))) for s in PROFILE_SHARES})
+    compared = sum(part.shape[1] for part in known)
+    curves = {
+        "t": flow.t,
+        "front": fronts(flow),
+        "front_simulated": fronts(simulated),
+        "velocity_percent": of_frame,
+        "profile_rms": np.sqrt(np.mean((measured - others) ** 2, axis=1)),
+        "x": flow.x,
+        "frames": frames,
+        "profiles": measured[frames],
+        "profiles_simulated": others[frames],
+    }
+    return Comparison(
+        Curves(**{name: _tuples(plain(values)) for name, values in curves.items()}),
+        relative_l2(np.concatenate(found, 1), np.concatenate(known, 1)),
+        100 * compared / max(1, int(flow.valid.sum())),
+    )
+
+
+def _tuples(values: Any) -> Any:
+    return tuple(map(_tuples, values)) if isinstance(values, list) else values
+
+
+def fronts(flow: Flow) -> Float64:
+    """Where the fullest cell of a column is half full, by linear interpolation [T]; else NaN."""
+    places = []
+    for c in flow.c.max(axis=1).astype(np.float64):
+        filled = np.flatnonzero(c > 0.5)
+        if filled.size == 0:
+            places.append(math.nan)
+            continue
+        i = int(filled.max())
+        after, step = (c[i + 1], flow.x[i + 1] - flow.x[i]) if i + 1 < len(c) else (c[i], 0.0)
+        places.append(float(flow.x[i] + step * (c[i] - 0.5) / max(c[i] - after, 1e-12)))
+    return np.array(places)
 
 
 def make(context: Context) -> Resimulation:
@@ -184,7 +246,7 @@ def make(context: Context) -> Resimulation:
         result.friction_law,
         result.theta,
         config.resimulation.cells,
-        SimulationLines(context.run.progress.message),
+        context.run.progress.message,
         config.side_walls.friction,
     )
 

@@ -33,7 +33,7 @@ from granpinn.physics.laws import DEFAULT, FrictionLaw
 from granpinn.physics.rheology import by_parameters
 from granpinn.results import Result
 from granpinn.results.record import CARE, GOOD, Check, Reason, Record, Table
-from granpinn.results.summary import friction_sd
+from granpinn.results.result import friction_sd
 from granpinn.uncertainty.error_bars import scatter
 from granpinn.uncertainty.error_model import Known, load
 from granpinn.uncertainty.sensitivity import covariance

@@ -39,15 +39,15 @@ from granpinn.data.symmetry import with_layer
 from granpinn.fit.context import Context
 from granpinn.physics.laws import mu_of_i
 from granpinn.results.record import Check, Record
-from granpinn.second_opinion.law_runs import SPACING, LawRuns, Node
-from granpinn.second_opinion.response_surface import (
+from granpinn.simulation.law_runs import SPACING, LawRuns, Node
+from granpinn.simulation.likeness import GrainColumn, initial_column
+from granpinn.simulation.response_surface import (
     REACH,
     Place,
     ResponseSurface,
     composite,
     filled,
 )
-from granpinn.second_opinion.scenes import GrainColumn, initial_column
 
 ROUNDS = 12  # of all nodes, at most, on each grid
 # Spacings of the lattice between two nodes, powers of two:
@@ -61,7 +61,7 @@ CHUNK = 1 << 14  # points at a time
 
 @dataclass(frozen=True)
 class SimulatorFit(Record):
-    """The mu(I) law whose simulation is closest to the data (second_opinion/simulator_fit.py).
+    """The mu(I) law whose simulation is closest to the data .
 
     Attributes:
         mu_s, mu_2: at the least misfit.

@@ -65,8 +65,6 @@ def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Resul
     folder, lines = Path(config.out), NewLines()
     flows = [config.flow, *config.further_flows]
     listener = progress.automatic([FIGURES]) if rank == 0 else progress.Silent()
-    if config.tensorboard and rank == 0:
-        listener = progress.TensorBoard(folder, listener)
     if rank == 0:  # matplotlib takes a second to load; the training leaves the interpreter idle
         Thread(target=import_module, args=("granpinn.report.page",)).start()
     with ExitStack() as at_end:

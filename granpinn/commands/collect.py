@@ -23,7 +23,7 @@ from granpinn.config import ConfigError
 from granpinn.errors import BadInput
 from granpinn.output import objection_to_file
 from granpinn.results import ResultsFileError, read_results
-from granpinn.results.results_csv import Cell, row, write_table
+from granpinn.results.results_file import Cell, row, write_table
 from granpinn.terminal import say
 
 RESULTS = "results.json"

@@ -39,7 +39,6 @@ NEEDED_FLAGS = {
 }
 LARGEST_ERROR = {"float64": 1e-8, "float32": 1e-3}  # of the kernels, relative L2
 EXTRAS = {
-    "tensorboard": ("tensorboard",),
     "lavision": ("lvpyio",),
     "netcdf": ("zarr", "numcodecs"),
     "mesh": ("pyvista",),

@@ -25,7 +25,7 @@ SETTINGS = {
     "time": Setting(
         float | None,
         None,
-        "time of maps and profiles, in the unit of the flow file; default 0.7 of the last",
+        "time of maps, in the unit of the flow file; default 0.7 of the last",
     ),
     "pdf": Setting(bool, False, "write the figures as PDF too, for talks"),
     "paraview": Setting(bool, False, "write fields.vtkhdf too, the fields over time for ParaView"),

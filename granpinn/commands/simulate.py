@@ -29,7 +29,7 @@ from granpinn.data.flow import Flow
 from granpinn.output import make_folder, objection_to_file, objection_to_folder
 from granpinn.physics.laws import mu_of_i
 from granpinn.simulation import PAPER_CASES, Chute, Collapse, Scene, Silo, simulate
-from granpinn.simulation.progress import automatic
+from granpinn.simulation.run import lines
 from granpinn.simulation.scene import law_settings
 
 EXAMPLES = """examples:
@@ -37,8 +37,8 @@ EXAMPLES = """examples:
       the paper's column, 512 cells across the box
   python -m granpinn.simulate --law coulomb --mu-s 0.4 --out coulomb.h5
       the same column with constant friction
-  python -m granpinn.simulate --cells 128 --out quick.h5 --figures figures --animation quick.gif
-      a coarse one in a second, with figures and an animation
+  python -m granpinn.simulate --cells 128 --out quick.h5 --animation quick.gif
+      a coarse one in a second, with an animation
   python -m granpinn.simulate --paper-cases cases
       the six regimes of the paper and its figure 3
   python -m granpinn.simulate --height 0.1 --aspect 2 --gravity 0,-9.81 --density 1550 --d 0.0008 \\
@@ -51,7 +51,7 @@ EXAMPLES = """examples:
       a silo that empties through an opening 12 grains wide
 
 Ctrl-C stops and leaves a valid file with the frames so far, if there are two."""
-OUTPUTS = ("out", "paper_cases", "figures", "animation")
+OUTPUTS = ("out", "paper_cases", "animation")
 SCENES: dict[str, type[Scene]] = {"collapse": Collapse, "chute": Chute, "silo": Silo}
 
 
@@ -74,7 +74,6 @@ def parser() -> Parser:
     for flag, metavar, text in (
         ("--out", "FLOW.h5", "the flow file to write"),
         ("--paper-cases", "DIR", "the paper's six regimes, to DIR"),
-        ("--figures", "DIR", "profiles and snapshots as PNG, to DIR"),
         ("--animation", "FILE.gif", "the flow as an animated GIF"),
     ):
         made.add_argument(flag, type=Path, metavar=metavar, help=text)
@@ -138,9 +137,9 @@ def _check(scene: type[Scene], outputs: dict[str, Path], settings: dict[str, Any
 def run(argv: Sequence[str]) -> int:
     scene, outputs, settings = parse(argv)
     if "paper_cases" in outputs:
-        _paper_cases(outputs["paper_cases"], Collapse(**settings), outputs.get("figures"))
+        _paper_cases(outputs["paper_cases"], Collapse(**settings))
         return 0
-    flow = _one(scene(**settings), outputs["out"], outputs.get("figures"))
+    flow = _one(scene(**settings), outputs["out"])
     if "animation" in outputs:
         from granpinn.figures.animation import animate
 
@@ -148,19 +147,16 @@ def run(argv: Sequence[str]) -> int:
     return 0
 
 
-def _one(scene: Scene, out: Path, figures: Path | None) -> Flow:
-    """Simulates one scene; its figures are named after the flow file."""
-    flow = simulate(scene, out=out, listener=automatic())
+def _one(scene: Scene, out: Path) -> Flow:
+    """Simulates one scene."""
+    t_end = scene.resolved().t_end
+    assert t_end is not None
+    flow = simulate(scene, out=out, listener=lines(t_end))
     print(f"flow file: {out}")
-    if figures is not None:
-        from granpinn.figures.simulation import save_figures
-
-        for path in save_figures(flow, figures, out.stem):
-            print(f"figure: {path}")
     return flow
 
 
-def _paper_cases(folder: Path, settings: Collapse, figures: Path | None) -> None:
+def _paper_cases(folder: Path, settings: Collapse) -> None:
     """Simulates the paper's six regimes of mu(I) and draws their final states."""
     from granpinn.figures.simulation import save_final_states
 
@@ -169,7 +165,7 @@ def _paper_cases(folder: Path, settings: Collapse, figures: Path | None) -> None
     for mu_s, mu_2 in PAPER_CASES:
         law = law_settings(mu_of_i.LAW, (mu_s, mu_2, settings.I0))
         collapse = dataclasses.replace(settings, **law)
-        flows.append(_one(collapse, folder / f"collapse_{mu_s:.2f}_{mu_2:.2f}.h5", figures))
+        flows.append(_one(collapse, folder / f"collapse_{mu_s:.2f}_{mu_2:.2f}.h5"))
     print(f"figure: {save_final_states(flows, folder / 'final_states.png')}")
 
 

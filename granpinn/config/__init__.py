@@ -4,7 +4,6 @@ from granpinn.config.fields import ConfigError, flatten, setting, settings_of
 from granpinn.config.recipes import RECIPES
 from granpinn.config.sections import (
     Batch,
-    Calibration,
     Network,
     Optimizer,
     PressureSettings,
@@ -20,7 +19,6 @@ __all__ = [
     "LEVELS",
     "RECIPES",
     "Batch",
-    "Calibration",
     "Config",
     "ConfigError",
     "Level",

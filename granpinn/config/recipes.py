@@ -31,7 +31,6 @@ PAPER: dict[str, Any] = {
     "optimizer.learning_rate": 5e-4,
     "optimizer.scalars_learning_rate": 5e-4,
     "optimizer.final_fraction": 0.02,
-    "optimizer.decay": "linear",
     "optimizer.warm_up": 0.0,
     "optimizer.prefit": 0.0,
     "optimizer.average": 0.0,

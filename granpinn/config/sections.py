@@ -48,13 +48,8 @@ class Rheology:
         "what is optimised in place of a parameter: its logarithm, as the law states it (log), or "
         "the argument of a sigmoid, which keeps it between 0 and 1",
     )
-    start: tuple[float, ...] | None = setting(
-        None,
-        "start values of the free parameters of the law, in its order; none: those of the law",
-        positive=True,
-    )
     random_start: bool = setting(
-        False, "draw the start values at random where rheology.start gives none"
+        False, "draw the start values of the free parameters at random; else those of the law"
     )
     fix: tuple[str, ...] | None = setting(
         None,
@@ -167,7 +162,6 @@ class Optimizer:
     scalars_learning_rate: float = setting(
         1e-2, "learning rate of the parameters of the friction law", low=0, high=1e3
     )
-    decay: Literal["linear", "cosine", "exponential"] = setting("linear", "shape of the decay")
     final_fraction: float = setting(
         0.0, "every learning rate at the end, relative to its peak", low=0, high=1
     )
@@ -238,16 +232,6 @@ class PressureSettings:
         "cells across its box; none: those of the solver or of the data, at most 512",
         low=32,
         high=8192,
-    )
-
-
-@settings_group
-@dataclass(frozen=True)
-class Calibration:
-    """The flows that --calibrate simulates with the identified law and identifies again."""
-
-    flows: int = setting(
-        6, "simulated flows; the standard error of a bias is scatter/sqrt(flows)", low=2, high=999
     )
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import InitVar, dataclass, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from granpinn.config.fields import (
@@ -26,7 +25,6 @@ from granpinn.config.fields import (
 from granpinn.config.recipes import RECIPES
 from granpinn.config.sections import (
     Batch,
-    Calibration,
     Network,
     Optimizer,
     PressureSettings,
@@ -88,8 +86,7 @@ class Config:
     )
     recipe: str = setting(
         "default",
-        "set of settings to start from: the best for most data, the best for noise above a tenth "
-        "of the largest speed, or the paper to the letter",
+        "set of settings to start from: the best for most data, or the paper to the letter",
         choices=tuple(RECIPES),
     )
     noise: float = setting(
@@ -155,14 +152,7 @@ class Config:
         "of --max-time",
         free=True,
     )
-    calibrate: bool = setting(
-        False,
-        "after the training, simulate flows with the identified law, identify them in the same way "
-        "and show bias and scatter (group calibration); its time is not part of --max-time",
-        free=True,
-    )
     resume: bool = setting(False, "continue the run in --out from its newest checkpoint", free=True)
-    tensorboard: bool = setting(False, "also write TensorBoard events to --out", free=True)
     network: Network = section(Network)
     rheology: Rheology = section(Rheology)
     side_walls: SideWalls = section(SideWalls)
@@ -172,7 +162,6 @@ class Config:
     simulated_pressure: PressureSettings = section(PressureSettings, free=True)
     profile: ProfileSettings = section(ProfileSettings, free=True)
     resimulation: ResimulationSettings = section(ResimulationSettings, free=True)
-    calibration: Calibration = section(Calibration, free=True)
     # The recipe of the Config that `dataclasses.replace` copies; replace passes it on.
     _copied: InitVar[str] = ""
 
@@ -239,34 +228,11 @@ def _check_together(config: Config) -> None:
             "--network.widths must be one width per hidden layer, such as 128,128, for 1 to "
             f"{MOST_LAYERS} layers, got {len(widths)}"
         )
-    if config.rheology.start is not None:
-        _check_start(config.law, config.rheology.start, config.rheology.variables)
     _check_fixed(config.law, config.rheology.fixed)
     if config.free_I0 and "I0" not in LAWS[config.law].names:
         raise ConfigError(f"--free-I0 needs a friction law with I0, got the law {config.law}")
-    if config.optimizer.decay == "exponential" and config.optimizer.final_fraction == 0:
-        raise ConfigError("--optimizer.final_fraction must be positive for exponential decay")
     if config.steps is None and config.epochs is None and config.max_time is None:
         raise ConfigError("one of --steps, --epochs and --max-time must be given, got none")
-
-
-def _check_start(name: str, start: tuple[float, ...], variables: str) -> None:
-    """Refuses start values that are not a friction law of that name."""
-    law, got = LAWS[name], ",".join(map(str, start))
-    if len(start) != len(law.free):
-        raise ConfigError(
-            f"--rheology.start must have one value for each free parameter of the law {name}, "
-            f"{', '.join(law.free)}, got {got}"
-        )
-    for (before, low), (after, high) in pairwise(zip(law.free, start, strict=True)):
-        if law.parameter(after).variable == "log_above" and high <= low:
-            raise ConfigError(f"--rheology.start: {after} must be larger than {before}, got {got}")
-    for parameter, value in zip(law.free, start, strict=True):
-        bounded = variables == "sigmoid" or law.parameter(parameter).variable == "logistic"
-        if bounded and value >= 1:
-            raise ConfigError(
-                f"--rheology.start: {parameter} must be below 1 for a sigmoid, got {got}"
-            )
 
 
 def _check_fixed(name: str, values: Mapping[str, float]) -> None:

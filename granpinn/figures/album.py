@@ -8,19 +8,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 from granpinn.arrays import Floats
-from granpinn.figures import curves, maps, profiles, residual
+from granpinn.figures import curves, maps
 from granpinn.figures.style import Drawing, NothingToDraw, save
 from granpinn.output import make_folder
 from granpinn.results import Fields, Result
 from granpinn.results.attempt import NotDone, attempt
-from granpinn.results.fields import VARIABLES
-from granpinn.results.zones import after_start
+from granpinn.results.fields import VARIABLES, after_start
 
 History = Mapping[str, Floats]
 
 
 class Source(NamedTuple):
-    """The contents of a run folder; `frame` is the index of the time of maps and profiles."""
+    """The contents of a run folder; `frame` is the index of the time of maps."""
 
     result: Result
     fields: Fields | None
@@ -72,14 +71,9 @@ FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
     "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, fields_of(s))),
     "pressure": ("Pressure", lambda s: maps.pressure_fields(fields_of(s), s.frame)),
     "velocity": ("Speed", lambda s: maps.velocity_fields(fields_of(s), s.frame)),
-    "profiles": ("Profiles", lambda s: profiles.profiles(fields_of(s), s.frame)),
-    "inertial_number": (
-        "Inertial number",
-        lambda s: curves.inertial_number(s.result, fields_of(s)),
-    ),
     "momentum_residual": (
         "Momentum residual",
-        lambda s: residual.momentum_residual(fields_of(s), s.frame),
+        lambda s: maps.momentum_residual(fields_of(s), s.frame),
     ),
     "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 
+from granpinn.arrays import Floats
 from granpinn.figures.style import (
     BLACK,
     BLUE,
@@ -24,8 +25,9 @@ from granpinn.figures.style import (
 )
 from granpinn.physics.laws import mu_of_i
 from granpinn.results.fields import Units
-from granpinn.second_opinion.comparison import Comparison
 from granpinn.uncertainty.unknown_I0 import ProfilePoint
+
+Curve = Callable[[str], Floats]  # a curve of checks/resimulation.py by its name
 
 
 @styled
@@ -66,17 +68,16 @@ def profile_of_I0(
 
 
 @styled
-def resimulation(comparison: Comparison, units: Units | None) -> Drawing:
+def resimulation(curve: Curve, units: Units | None) -> Drawing:
     """Front, surface profiles and velocity error of a simulation against the data."""
     length = units.of("length") if units else None
     time = label("$t$", units.of("time") if units else None)
-    c = comparison
-    has_front = bool(np.isfinite(c.front).any())
+    has_front = bool(np.isfinite(curve("front")).any())
     figure = new_figure(7.2 if has_front else 2.6)
     *above, error = figure.subplots(3 if has_front else 1, 1, squeeze=False)[:, 0]
     if has_front:
-        _front_and_surface(above, c, time, length)
-    error.plot(c.t, c.velocity_percent, color=ORANGE)
+        _front_and_surface(above, curve, time, length)
+    error.plot(curve("t"), curve("velocity_percent"), color=ORANGE)
     error.set_ylim(bottom=0)
     error.set_xlabel(time)
     error.set_ylabel("velocity error [%]")
@@ -92,24 +93,25 @@ def resimulation(comparison: Comparison, units: Units | None) -> Drawing:
     )
 
 
-def _front_and_surface(
-    panels: Sequence[Axes], c: Comparison, time: str, length: str | None
-) -> None:
+def _front_and_surface(panels: Sequence[Axes], curve: Curve, time: str, length: str | None) -> None:
     """The two panels above the error of a collapse."""
     front, surface = panels
-    every = max(1, len(c.t) // 40)
-    front.plot(c.t, c.front_simulated, color=BLUE, label="simulated")
+    t = curve("t")
+    every = max(1, len(t) // 40)
+    front.plot(t, curve("front_simulated"), color=BLUE, label="simulated")
     dots: dict[str, Any] = {"color": BLACK, "ms": 3.6, "mfc": "white", "mew": 1.0}
-    front.plot(c.t[::every], c.front[::every], "o", label="data", **dots)
+    front.plot(t[::every], curve("front")[::every], "o", label="data", **dots)
     front.set_xlabel(time)
     front.set_ylabel(label("front $x$", length))
     front.set_title("(a) front")
     front.legend()
-    norm = Normalize(0, float(c.t[-1]))
-    for k, known, found in zip(c.frames, c.profiles, c.profiles_simulated, strict=True):
-        color = colormaps[VALUE_MAP](norm(float(c.t[k])))
-        surface.plot(c.x, found, color=color, label=f"t = {c.t[k]:.3g}")
-        surface.plot(c.x, known, "o", color=color, ms=2.6, mfc="white", mew=0.8)
+    norm, times = Normalize(0, float(t[-1])), t[curve("frames").astype(int)]
+    for time_k, known, found in zip(
+        times, curve("profiles"), curve("profiles_simulated"), strict=True
+    ):
+        color = colormaps[VALUE_MAP](norm(float(time_k)))
+        surface.plot(curve("x"), found, color=color, label=f"t = {time_k:.3g}")
+        surface.plot(curve("x"), known, "o", color=color, ms=2.6, mfc="white", mew=0.8)
     surface.set_xlabel(label("$x$", length))
     surface.set_ylabel(label("height", length))
     surface.set_title("(b) surface: lines simulated, dots data")

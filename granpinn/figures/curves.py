@@ -24,14 +24,14 @@ from granpinn.figures.style import (
     new_figure,
     styled,
 )
-from granpinn.physics.laws import LAWS, mu_of_i
+from granpinn.physics.laws import LAWS
 from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
-from granpinn.results.compared_law import ComparedLaw
-from granpinn.results.determined import NOT_DETERMINED
+from granpinn.results.fields import after_start, flowing
 from granpinn.results.identified_law import StressPoints
-from granpinn.results.summary import true_friction
-from granpinn.results.zones import after_start, flowing
+from granpinn.results.parameters import NOT_DETERMINED
+from granpinn.results.records import ComparedLaw
+from granpinn.results.result import true_friction
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points
 COLORS = (BLUE, SKY, ORANGE, GREEN, PURPLE, YELLOW, GREY)  # of the terms of the loss, in order
@@ -152,28 +152,6 @@ def _stress_points(axes: Axes, points: StressPoints, form: str) -> str:
     return words + (", which is that of the law by construction" if form == "strong" else "")
 
 
-@styled
-def inertial_number(result: Result, fields: Fields) -> Drawing:
-    """Histogram of I in the grains, with the median and I0 of mu(I)."""
-    figure = new_figure(3.0)
-    return Drawing(figure, draw_inertial_number(figure.subplots(), result, fields))
-
-
-def draw_inertial_number(axes: Axes, result: Result, fields: Fields) -> str:
-    """The same on one panel; its caption."""
-    _histogram_of_I(axes, fields)
-    caption = f"Inertial number in the grains. {_share_below(fields)}"
-    if result.law.name == mu_of_i.LAW.name:
-        I_0 = result.parameters.I0.value
-        axes.axvline(I_0, color=BLACK, lw=1.2, ls=(0, (4, 3)), label=f"$I_0$ = {I_0:.3g}")
-        caption += " The data determine mu_2 only where I comes near I0."
-    median = float(np.median(fields.values["I"][after_start(fields)]))
-    if median > I_EDGES[0]:
-        axes.axvline(median, color=ORANGE, lw=1.2, label=f"median {median:.2g}")
-    axes.legend()
-    return caption
-
-
 def _histogram_of_I(axes: Axes, fields: Fields) -> None:
     counted = after_start(fields)
     I, moving = fields.values["I"][counted], flowing(fields)[counted]
@@ -197,11 +175,6 @@ def _histogram_of_I(axes: Axes, fields: Fields) -> None:
     axes.set_xlabel("inertial number $I$")
     axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
     axes.legend(loc="upper left")
-
-
-def _share_below(fields: Fields) -> str:
-    below = np.mean(fields.values["I"][after_start(fields)] < I_EDGES[0])
-    return f"{100 * below:.0f} % of the points have I below {I_EDGES[0]:g} (not drawn)."
 
 
 @styled

@@ -17,7 +17,7 @@ from matplotlib.colors import LogNorm, Normalize
 from granpinn.arrays import Floats
 from granpinn.declared import checked
 from granpinn.errors import BadInput
-from granpinn.figures import curves, maps, residual
+from granpinn.figures import curves, maps
 from granpinn.figures.style import VALUE_MAP, label
 from granpinn.results import Fields, Result
 from granpinn.results.fields import VARIABLES
@@ -116,15 +116,8 @@ class Plots:
         found = self._fields()
         k = maps.frame_at(found, t)
         (ax,) = _panels(1, 1, None if ax is None else [ax])
-        residual.draw_residual(ax, found, maps.grain_window(found, k))
+        maps.draw_residual(ax, found, maps.grain_window(found, k))
         ax.set_title(f"$t$ = {found.t[k]:.4g}")
-        return ax
-
-    @checked
-    def inertial_number(self, ax: Axes | None = None) -> Axes:
-        """Histogram of the inertial number in the grains."""
-        (ax,) = _panels(1, 1, None if ax is None else [ax])
-        curves.draw_inertial_number(ax, self._result, self._fields())
         return ax
 
     @checked

@@ -1,10 +1,9 @@
-"""Figures of simulated collapses: final states (the paper's figure 3), surfaces, snapshots."""
+"""The final states of simulated collapses (the paper's figure 3)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
@@ -16,18 +15,8 @@ from matplotlib.colors import Normalize
 from granpinn.arrays import Floats
 from granpinn.data.flow import Flow, Truth
 from granpinn.figures.style import BLACK, VALUE_MAP, Drawing, label, new_figure, save, styled
-from granpinn.output import make_folder
 
 LARGEST_SHARE = 0.95  # quantile of D2 at which the colours of the final states end
-SNAPSHOT_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the last time
-PROFILE_COUNT = 10
-
-
-class SolverQuantity(NamedTuple):
-    """A quantity to draw: its symbol, and its values at one frame [Y, X]."""
-
-    symbol: str
-    values: Floats
 
 
 def strain_rate(flow: Flow, k: int) -> Floats:
@@ -36,18 +25,6 @@ def strain_rate(flow: Flow, k: int) -> Floats:
     v_y, v_x = np.gradient(flow.v[k].astype(np.float64), flow.y, flow.x)
     result: Floats = np.sqrt(u_x**2 + v_y**2 + 0.5 * (u_y + v_x) ** 2)
     return result
-
-
-def save_figures(flow: Flow, folder: Path, name: str) -> list[Path]:
-    """Writes NAME_surfaces.png and NAME_snapshots.png."""
-    make_folder(folder)
-    drawings = {"surfaces": surfaces(flow), "snapshots": snapshots(flow)}
-    paths = []
-    for kind, drawing in drawings.items():
-        path = folder / f"{name}_{kind}.png"
-        save(drawing.figure, path)
-        paths.append(path)
-    return paths
 
 
 def save_final_states(flows: Sequence[Flow], path: Path) -> Path:
@@ -82,56 +59,6 @@ def final_states(flows: Sequence[Flow]) -> Drawing:
     mappable = ScalarMappable(norm, colormaps[VALUE_MAP])
     figure.colorbar(mappable, ax=list(panels.ravel()), label="$D_2$", extend="max", aspect=40)
     return Drawing(figure, "Final states, coloured by the strain rate $D_2$; the line is c = 0.5.")
-
-
-@styled
-def surfaces(flow: Flow) -> Drawing:
-    """The free surface c = 0.5 at evenly spaced times."""
-    figure = new_figure(4.2)
-    axes = figure.subplots()
-    norm = Normalize(0, float(flow.t[-1]))
-    for k in np.unique(np.linspace(0, len(flow.t) - 1, PROFILE_COUNT).round().astype(int)):
-        color = colormaps[VALUE_MAP](norm(float(flow.t[k])))
-        _surface_line(axes, flow, int(k), color, 1.2)
-    axes.set_aspect("equal")
-    _name_axes(axes, flow)
-    figure.colorbar(ScalarMappable(norm, colormaps[VALUE_MAP]), ax=axes, label="$t$", aspect=30)
-    return Drawing(figure, "The free surface (c = 0.5) in time.")
-
-
-@styled
-def snapshots(flow: Flow) -> Drawing:
-    """Speed, pressure and D2 at five times."""
-    frames = [int(np.argmin(np.abs(flow.t - s * flow.t[-1]))) for s in SNAPSHOT_SHARES]
-    width = max(float(flow.x[-1]), 1e-300)
-    heights = [_top(flow, k) / width for k in frames]
-    figure = new_figure(2.2 * sum(heights) + 0.35 * len(frames) + 1.0)
-    panels = figure.subplots(len(frames), 3, squeeze=False, sharex=True, height_ratios=heights)
-    columns = [[_quantity(flow, k, column) for k in frames] for column in range(3)]
-    for column, quantities in enumerate(columns):
-        finite = np.concatenate([q.values[np.isfinite(q.values)] for q in quantities])
-        norm = Normalize(0, float(np.quantile(finite, 0.99)))
-        for axes, k, quantity in zip(panels[:, column], frames, quantities, strict=True):
-            mesh = _map(axes, flow, k, quantity.values, norm)
-            axes.set_ylim(0, 1.05 * _top(flow, k))
-            _name_axes(axes, flow)
-            axes.label_outer()
-            if column == 0:
-                axes.set_title(f"t = {flow.t[k]:.3g}")
-        shown = list(panels[:, column])
-        figure.colorbar(
-            mesh, ax=shown, label=quantities[0].symbol, location="bottom", extend="max", aspect=16
-        )
-    return Drawing(figure, "Speed, pressure and strain rate at five times.")
-
-
-def _quantity(flow: Flow, k: int, which: int) -> SolverQuantity:
-    if which == 0:
-        return SolverQuantity("$|v|$", np.hypot(flow.u[k], flow.v[k]))
-    if which == 1:
-        assert flow.p is not None  # the simulator writes it
-        return SolverQuantity("$p$", flow.p[k])
-    return SolverQuantity("$D_2$", strain_rate(flow, k))
 
 
 def _first_parameter(flow: Flow) -> float:

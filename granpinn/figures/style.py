@@ -42,7 +42,6 @@ WIDTH = 5.4  # inches; the letters can be read on a phone and are not large on a
 
 BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 SKY, YELLOW, GREY, BLACK = "#56B4E9", "#E69F00", "#8a8a8a", "#111111"
-HEIGHT_COLORS = (BLUE, ORANGE, GREEN)
 
 VALUE_MAP, DIFFERENCE_MAP = "viridis", "RdBu_r"
 

@@ -14,7 +14,7 @@ from granpinn.data.outline import surface_of
 from granpinn.data.partial_cells import with_partial_cells
 from granpinn.data.surface import moved, with_moved_surface
 from granpinn.fit.case import Case, with_variants
-from granpinn.results.assumed import Assumed
+from granpinn.results.records import Assumed
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Member
 from granpinn.training.problem import with_wall_friction

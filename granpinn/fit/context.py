@@ -15,7 +15,7 @@ from granpinn.data import Flow
 from granpinn.fit import ensemble, prediction
 from granpinn.fit.case import Case, Model
 from granpinn.fit.free_curve import with_free_band
-from granpinn.fit.shear import Shear, shear_of, with_curve
+from granpinn.fit.prediction import Shear, shear_of, with_curve
 from granpinn.results import Fields, Result, write_csv, write_fields, write_results
 from granpinn.results.attempt import NotDone, attempt
 from granpinn.results.record import Check, Record
@@ -123,6 +123,4 @@ def values_alone(config: Config) -> Config:
         compare_laws=False,
         free_I0=False,
         resimulate=False,
-        calibrate=False,
-        tensorboard=False,
     )

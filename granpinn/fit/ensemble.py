@@ -5,20 +5,19 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any
+
+import torch
 
 from granpinn import results
 from granpinn.fit import prediction, scoring
 from granpinn.fit.case import Case, Model
-from granpinn.fit.final_loss import final_loss
-from granpinn.fit.shear import inertial_range
+from granpinn.fit.prediction import inertial_range
 from granpinn.physics.laws import DEFAULT
-from granpinn.physics.terms import LAW, TERMS
-from granpinn.results import Covariance, Fields, Parameter, Parameters, Residuals, Result
-from granpinn.results.assumed import Assumed
+from granpinn.physics.terms import LAW, NAMES, TERMS
+from granpinn.results import Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.identified_law import IdentifiedLaw
-from granpinn.results.loss import Loss
-from granpinn.results.records import ErrorBars, Members
+from granpinn.results.records import Assumed, Loss, Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars
@@ -128,7 +127,7 @@ def result(
     I_range = inertial_range(data, model)
     law = _law(case, members, residuals, steps, failure is not None, assumed, I_range)
     return Result(
-        **law._asdict(),
+        **law,
         level=config.level,
         form=config.form,
         recipe=config.recipe,
@@ -148,16 +147,6 @@ def result(
     )
 
 
-class _Law(NamedTuple):
-    """The fields of a result that the assumptions change."""
-
-    parameters: Parameters
-    covariance: Covariance | None
-    error_bars: ErrorBars | None
-    law: IdentifiedLaw
-    assumptions: tuple[Assumed, ...]
-
-
 def _law(
     case: Case,
     members: Members,
@@ -166,8 +155,8 @@ def _law(
     diverged: bool,
     assumed: tuple[Assumed, ...],
     I_range: Pair | None,
-) -> _Law:
-    """The law of an ensemble with its error bars, or why it has none."""
+) -> dict[str, Any]:
+    """The fields of a result that its assumptions change: the law, its error bars or why none."""
     law, known = case.member.law, None
     values = {**case.member.fixed, **dict(zip(law.free, center(members, law), strict=True))}
     if law.name == DEFAULT.name and residuals is not None and I_range is not None:
@@ -182,12 +171,19 @@ def _law(
         case.member.problem.symmetries,
         assumed,
     )
-    parameters = Parameters(
-        (name, judged.free.get(name) or Parameter(values[name], fixed=name not in law.free))
-        for name in law.names
-    )
-    found = IdentifiedLaw(law.name, I_range, reason=judged.reason)
-    return _Law(parameters, judged.covariance, judged.bars, found, assumed)
+    reason = judged if isinstance(judged, str) else None
+    found = None if isinstance(judged, str) else judged
+    free = {} if found is None else found.parameters
+    return {
+        "parameters": Parameters(
+            (name, free.get(name) or Parameter(values[name], fixed=name not in law.free))
+            for name in law.names
+        ),
+        "covariance": None if found is None else found.covariance,
+        "error_bars": None if found is None else found.bars,
+        "law": IdentifiedLaw(law.name, I_range, reason=reason),
+        "assumptions": assumed,
+    }
 
 
 def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -> Result:
@@ -196,10 +192,58 @@ def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -
     steps, diverged = result.timing.steps, result.failure is not None
     known = result.members, result.residuals, steps, diverged
     law = _law(case, *known, assumed, result.law.I_range)
-    return dataclasses.replace(result, **law._asdict())
+    return dataclasses.replace(result, **law)
 
 
 def scores(case: Case, model: Model, maps: Fields, parameters: Parameters) -> scoring.Scores:
     """Errors of a result against the reference in its flow file, by its fields."""
     at_particles = prediction.velocity_at_particles(case.flow, model)
     return scoring.score(case.flow, maps, parameters, lambda: case.shared.strain_rate, at_particles)
+
+
+MOST_POINTS = 131072
+CHUNK = 16384  # points per evaluation
+
+
+@torch.no_grad()
+def final_loss(trainer: Trainer, member: int) -> Loss | None:
+    """Mean terms of a member after the steps of the training (`Trainer.trained`).
+
+    The loss of a step is over a small batch, whose scatter hides the differences between two laws.
+    Points of the equations above the highest vectors are left out: no vector holds the velocity
+    there, so their residuals say nothing about the law.
+
+    The mean is over every k-th point, at most `MOST_POINTS`, without those of the strip, which are
+    pooled behind the vectors and the points between them. None if a term is not finite.
+    """
+    objective, e = trainer.objective, member
+    params, theta = trainer.trained(e)
+    data = objective.data(e)
+    own = objective.members[e].data
+    first, strip = len(own.points) + len(own.between), len(own.strip)
+    inside = _every_kth(len(data.points) - strip)
+    inside[inside >= first] += strip
+    surface = _every_kth(len(data.surface_points))
+    sums = [0.0] * len(NAMES)
+    weights = data.point_weights[inside.to(data.points.device)].double().mean(0).tolist()
+    for start in range(0, max(len(inside), len(surface)), CHUNK):
+        i, j = (k[start : start + CHUNK].to(data.points.device) for k in (inside, surface))
+        terms = objective.terms(e, params, theta, data.loss_points.at(i, j))
+        for k, (name, term) in enumerate(zip(NAMES, terms.tolist(), strict=True)):
+            sums[k] += term * len(j if name == "surface" else i)
+    velocity, equations = (len(inside) * weight for weight in weights)
+    counts = dict.fromkeys(NAMES, equations)
+    counts |= {"velocity": velocity, "surface": max(1, len(surface))}
+    means = [total / counts[name] for total, name in zip(sums, NAMES, strict=True)]
+    if not all(map(math.isfinite, means)):
+        return None
+    return Loss(len(inside), _named(means), _named(trainer.final_weights(e)))
+
+
+def _named(values: list[float]) -> dict[str, float]:
+    return dict(zip(NAMES, values, strict=True))
+
+
+def _every_kth(count: int) -> torch.Tensor:
+    """At most `MOST_POINTS` of the numbers below `count`, spread evenly."""
+    return torch.arange(0, count, max(1, -(-count // MOST_POINTS)))

@@ -15,10 +15,9 @@ from granpinn.fit.case import Case
 from granpinn.fit.context import Context
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import DataSummary, ErrorPercent, Input, Parameter, Parameters, Result
-from granpinn.results.assumed import Assumed
-from granpinn.results.flow_of_law import FlowOfLaw
-from granpinn.uncertainty import curve
-from granpinn.uncertainty.determined import LARGEST, Range, applied, determined_over
+from granpinn.results.records import Assumed
+from granpinn.results.result import FlowOfLaw
+from granpinn.uncertainty.determined import LARGEST, Range, applied, determined_over, over
 from granpinn.uncertainty.error_bars import estimate, sd_of
 from granpinn.uncertainty.error_model import Known, Pair, ends_of, load
 from granpinn.uncertainty.expected import expected_of, too_noisy
@@ -135,7 +134,7 @@ def result_of(contexts: Sequence[Context], config: Config) -> Result:
         x = float(np.mean(means / (means + I0)))
         found = determined_over(result, Range(low, high, I0 * x / (1 - x)), ranges)
         result = result if found is None else applied(result, found)
-    return curve.over(result, (low, high))
+    return over(result, (low, high))
 
 
 def known_of(result: Result, case: Case) -> Known:

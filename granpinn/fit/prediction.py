@@ -7,20 +7,24 @@ $$ D_2 = \sqrt{D:D}, \quad \dot\gamma = \sqrt{2}\,D_2, \quad I = d\,\dot\gamma/\
 
 the deviatoric stress tau (an output of the network in the mixed form, 2 eta D in the strong form),
 and the residual of the strong momentum equation, for both forms.
+
+The points where grains shear show the law, and give it over their I.
 """
 
 from __future__ import annotations
 
-from typing import get_args
+from collections.abc import Sequence
+from typing import NamedTuple, get_args
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from granpinn.arrays import Float32, Float64
-from granpinn.data import Flow, test_grid
+from granpinn.arrays import Float32, Float64, Floats
+from granpinn.data import Flow, TrainingSet, test_grid
 from granpinn.data.symmetry import axes_of
-from granpinn.fit.case import Model
+from granpinn.estimates.confined import undetermined
+from granpinn.fit.case import Case, Model
 from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.axes import Axes
@@ -28,9 +32,11 @@ from granpinn.physics.constants import Physics
 from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.rheology import inertial_number
 from granpinn.physics.scales import Quantity, Scales
-from granpinn.results import Fields
-from granpinn.results.fields import VARIABLES, Units
+from granpinn.results import Fields, Result
+from granpinn.results.fields import D2_STAGNANT, VARIABLES, Units, shearing
 from granpinn.training.operators import operators_of
+from granpinn.uncertainty.determined import applied, determined, percentiles, unfixed
+from granpinn.uncertainty.determined import with_curve as curve_over
 
 CHUNK = 32768  # points per evaluation: bounds the memory and leaves the values as they are
 SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in the residuals: no division by zero at rest
@@ -186,3 +192,63 @@ def evaluate(
         "momentum_residual_y": e_v,
         "divergence": divergence,
     }
+
+
+POINTS = 16384  # at most, of those that give the range of I
+
+
+class Shear(NamedTuple):
+    """The points of the fit where grains shear, n of them.
+
+    Attributes:
+        I: inertial number [n].
+        ratio: |tau|/p [n], or (|tau| - c)/p with a cohesion c; NaN where p <= 0.
+    """
+
+    I: Floats
+    ratio: Floats
+
+
+def shear_of(fields: Fields, cohesion: float = 0.0) -> Shear:
+    """The points of the fields where grains shear.
+
+    Args:
+        cohesion: of the law, in the units of the fields.
+    """
+    points = shearing(fields)
+    number, p, tau_xx, tau_xy = (
+        fields.values[name][points].astype(np.float64) for name in ("I", "p", "tau_xx", "tau_xy")
+    )
+    return Shear(number, (np.hypot(tau_xx, tau_xy) - cohesion) / np.where(p > 0, p, np.nan))
+
+
+def inertial_range(data: TrainingSet, model: Model) -> tuple[float, float] | None:
+    """The 5th and the 95th percentile of I at the vectors that shear; None without shear.
+
+    The velocity and the pressure are those of the network, at every k-th vector.
+    """
+    own = data.points[data.point_weights[:, 0] > 0]  # not of another variant
+    points = own[:: max(1, len(own) // POINTS)].to(model.params)
+    found = evaluate(points, model.spec, model.params, model.law, model.theta, model.physics)
+    number = found["I"][found["D2"] >= D2_STAGNANT].cpu().double().numpy()
+    return percentiles(number, np.ones(number.shape))
+
+
+def with_curve(
+    result: Result, case: Case, shear: Shear, ranges: Sequence[tuple[float, float]] = ()
+) -> Result:
+    """The result with its law over the I of the points that shear, and without the parameters that
+    this range, or the walls, do not determine.
+
+    The loss weights every point alike.
+
+    Args:
+        ranges: of I of all flows that have this law; (): this flow only.
+    """
+    weight = np.ones(shear.I.shape)
+    reason = undetermined(case.seen, case.config.level)
+    if reason is not None:
+        result = applied(result, unfixed(result, shear.I, weight, reason))
+    elif (found := determined(result, shear.I, weight, ranges)) is not None:
+        result = applied(result, found)
+    return curve_over(result, shear.I, weight, shear.ratio)

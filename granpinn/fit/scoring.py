@@ -5,7 +5,7 @@ grains after the start,
 
 $$ \epsilon = 100 \sqrt{\sum |f_{predicted} - f_{reference}|^2 / \sum |f_{reference}|^2}. $$
 
-Flowing and stagnant points (results/zones.py) have errors of their own.
+Flowing and stagnant points (results/fields.py) have errors of their own.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from granpinn.arrays import Bool, Floats
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.results import ErrorPercent, Fields, InertialNumber, Parameter, Parameters, Zones
-from granpinn.results.zones import D2_STAGNANT, after_start, flowing
+from granpinn.results.fields import D2_STAGNANT, after_start, flowing
 
 
 class Scores(NamedTuple):

@@ -16,7 +16,7 @@ from granpinn.fit import assumptions, ensemble
 from granpinn.fit.case import Case
 from granpinn.fit.context import Context
 from granpinn.fit.network import FILE, TrainedNetwork, write_network
-from granpinn.identification.identified import Identification, InFolder, InMemory
+from granpinn.identification.identified import Identification, in_folder, in_memory
 from granpinn.output import OutputError, replacing
 from granpinn.results import Result
 from granpinn.results.attempt import PENDING, NotDone, attempt
@@ -124,10 +124,10 @@ def kept(context: Context) -> Identification:
     """The result with its network, fields and history: those of its folder, else in memory."""
     case, model = context.case, context.model
     if context.folder is not None and context.keep_fields:
-        return Identification.of(context.result, InFolder(context.folder, model.law))
+        return Identification.of(context.result, in_folder(context.folder, model.law))
     trained = TrainedNetwork.of(model, case.flow)
     rows = context.run.histories[context.place].rows
-    parts = InMemory(trained, case.flow, model.law, rows, context.fields)
+    parts = in_memory(trained, case.flow, model.law, rows, context.fields)
     return Identification.of(context.result, parts)
 
 

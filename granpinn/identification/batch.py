@@ -22,7 +22,7 @@ from granpinn.declared import checked
 from granpinn.fit.case import Case, choose_device, fixed_values, members, posed, sound
 from granpinn.fit.context import Context
 from granpinn.identification import answer
-from granpinn.identification.identified import Identification, InFolder
+from granpinn.identification.identified import Identification, in_folder
 from granpinn.identification.start import (
     CHECKS,
     ERROR_BARS,
@@ -35,7 +35,7 @@ from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
 from granpinn.results.record import make
-from granpinn.second_opinion.threads import threads
+from granpinn.simulation.threads import threads
 from granpinn.training.parallel import gather_texts, processes
 from granpinn.training.progress import Progress
 
@@ -62,7 +62,7 @@ def identify_many(
 ) -> list[Identification]:
     """Identify many flows side by side, each as `identify` would, in one batch.
 
-    Checks that train more networks (--free-I0, --calibrate) are left out.
+    Checks that train more networks (--free-I0) are left out.
 
     The members share the settings, hence the shape of the network and the schedule. Each has its
     own data, friction law, I0 and seed (of the network, of the batches and of the noise). Members
@@ -172,7 +172,7 @@ def _in_order(found: Sequence[Result], count: int, root: Path | None) -> list[Id
     every = [shares[e % len(shares)][e // len(shares)] for e in range(count)]
     return [
         Identification.of(
-            result, None if root is None else InFolder(root / f"{e:03d}", result.friction_law)
+            result, None if root is None else in_folder(root / f"{e:03d}", result.friction_law)
         )
         for e, result in enumerate(every)
     ]

@@ -6,9 +6,9 @@ import dataclasses
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -38,81 +38,61 @@ if TYPE_CHECKING:
     from granpinn.figures.plots import Plots
 
 
-class Parts(Protocol):
-    """Where network, fields and history of a result come from; BadInput where one is missing."""
-
-    def network(self) -> TrainedNetwork: ...
-    def fields(self) -> Fields: ...
-    def history(self) -> dict[str, Float64]: ...
-
-
 @dataclass(frozen=True)
-class InMemory:
-    """Those of a run in this process.
+class Parts:
+    """Functions that give network, fields and history of a result; BadInput where one is missing.
 
     Attributes:
-        trained: the network.
-        flow: what it was trained on.
-        rows: of the history.
-        maps: its fields; None: they are predicted when they are asked for.
+        each: gives the fits of several flows with one law; None: there is one flow.
+        folder: of the run; None: the result is in memory.
     """
 
-    trained: TrainedNetwork
-    flow: Flow
-    law: FrictionLaw
-    rows: Sequence[Row]
-    maps: Fields | None = None
-
-    def network(self) -> TrainedNetwork:
-        return self.trained
-
-    def fields(self) -> Fields:
-        return self.maps or prediction.predict(self.flow, self.trained.model)
-
-    def history(self) -> dict[str, Float64]:
-        table = np.array([[*row.values().values()] for row in self.rows], np.float64)
-        names = columns(self.law)
-        return dict(zip(names, table.reshape(-1, len(names)).T, strict=True))
+    network: Callable[[], TrainedNetwork]
+    fields: Callable[[], Fields]
+    history: Callable[[], dict[str, Float64]]
+    each: Callable[[], tuple[Identification, ...]] | None = None
+    folder: Path | None = None
 
 
-@dataclass(frozen=True)
-class InFolder:
+def in_folder(folder: Path, law: FrictionLaw) -> Parts:
     """Those of a run folder."""
-
-    folder: Path
-    law: FrictionLaw
-
-    def network(self) -> TrainedNetwork:
-        return read_network(self.folder / FILE)
-
-    def fields(self) -> Fields:
-        return read_fields(self.folder / "fields.h5")
-
-    def history(self) -> dict[str, Float64]:
-        return read_history(self.folder / "history.csv", self.law)
+    history = partial(read_history, folder / "history.csv", law)
+    read = partial(read_network, folder / FILE), partial(read_fields, folder / "fields.h5")
+    return Parts(*read, history, folder=folder)
 
 
-@dataclass(frozen=True)
-class OfFlows:
+def in_memory(
+    trained: TrainedNetwork,
+    flow: Flow,
+    law: FrictionLaw,
+    rows: Sequence[Row],
+    maps: Fields | None = None,
+) -> Parts:
+    """Those of a run in this process; without `maps` the fields are predicted when asked for."""
+    predict = partial(prediction.predict, flow, trained.model)
+    fields = predict if maps is None else partial(_given, maps)
+    return Parts(partial(_given, trained), fields, partial(_columns, law, rows))
+
+
+def of_flows(each: Callable[[], tuple[Identification, ...]], folder: Path | None) -> Parts:
     """Those of several flows with one law: each flow has its own."""
+    return Parts(_refused, _refused, _refused, each, folder)
 
-    each: Callable[[], tuple[Identification, ...]]
-    folder: Path | None
 
-    def _refused(self) -> NoReturn:
-        raise BadInput(
-            "several flows have this law, each with its network, fields and history: take those of "
-            "result.each[0], result.each[1], ..."
-        )
+def _given(value: Any) -> Any:
+    return value
 
-    def network(self) -> TrainedNetwork:
-        self._refused()
 
-    def fields(self) -> Fields:
-        self._refused()
+def _columns(law: FrictionLaw, rows: Sequence[Row]) -> dict[str, Float64]:
+    table = np.array([[*row.values().values()] for row in rows], np.float64)
+    return dict(zip(columns(law), table.reshape(-1, len(columns(law))).T, strict=True))
 
-    def history(self) -> dict[str, Float64]:
-        self._refused()
+
+def _refused() -> NoReturn:
+    raise BadInput(
+        "several flows have this law, each with its network, fields and history: take those of "
+        "result.each[0], result.each[1], ..."
+    )
 
 
 class Identification(Result):
@@ -147,8 +127,8 @@ class Identification(Result):
     @property
     def each(self) -> tuple[Identification, ...]:
         """The fits of the flows that have this law, each with its network and fields."""
-        parts = self._held()
-        return parts.each() if isinstance(parts, OfFlows) else (self,)
+        each = self._held().each
+        return (self,) if each is None else each()
 
     @cached_property
     def network(self) -> TrainedNetwork:
@@ -254,7 +234,7 @@ class Identification(Result):
         parts = self._held()
         if folder is not None:
             return report.build(self.save(folder))
-        if isinstance(parts, InFolder | OfFlows) and parts.folder is not None:
+        if parts.folder is not None:
             return report.build(parts.folder)
         raise BadInput("this result is in memory: name a folder for the report, report('run')")
 
@@ -300,5 +280,5 @@ def load(run_dir: str | os.PathLike[str]) -> Identification:
     result = read_results(folder / "results.json")
     if result.flows:
         places = [folder / f"{k:03d}" for k in range(len(result.flows))]
-        return Identification.of(result, OfFlows(lambda: tuple(map(load, places)), folder))
-    return Identification.of(result, InFolder(folder, result.friction_law))
+        return Identification.of(result, of_flows(lambda: tuple(map(load, places)), folder))
+    return Identification.of(result, in_folder(folder, result.friction_law))

@@ -17,12 +17,12 @@ from granpinn.fit.case import Case, choose_device, members, pose
 from granpinn.fit.one_law import result_of, share_error_bars, with_free_I0
 from granpinn.identification import answer
 from granpinn.identification.batch import identify_many
-from granpinn.identification.identified import Identification, OfFlows
+from granpinn.identification.identified import Identification, of_flows
 from granpinn.identification.start import CHECKS, ERROR_BARS, histories, prepare, start
 from granpinn.output import owned
 from granpinn.results import Result
 from granpinn.results.record import make
-from granpinn.second_opinion.threads import threads
+from granpinn.simulation.threads import threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row
 from granpinn.training.parallel import processes
@@ -122,7 +122,7 @@ def identify_one_law(
             root.keep(result_of(contexts, config))
         make(root, [check for check in checks if check is shared_law.CHECK])
         each = tuple(answer.kept(context) for context in contexts)
-        return Identification.of(root.result, OfFlows(lambda: each, folder))
+        return Identification.of(root.result, of_flows(lambda: each, folder))
 
 
 def _posed(flow: Flow | str | os.PathLike[str], config: Config) -> Case:

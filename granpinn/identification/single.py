@@ -32,7 +32,7 @@ from granpinn.output import owned
 from granpinn.physics.laws import FrictionLaw
 from granpinn.results import Result
 from granpinn.results.record import make
-from granpinn.second_opinion.threads import threads
+from granpinn.simulation.threads import threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row
 from granpinn.training.parallel import processes

@@ -12,7 +12,7 @@ from granpinn.data.scaling import initial_height
 from granpinn.inspection import Inspection, digits
 from granpinn.inspection.statements import FEW_GRAINS
 from granpinn.physics.laws import mu_of_i
-from granpinn.results.determined import NOT_DETERMINED
+from granpinn.results.parameters import NOT_DETERMINED
 from granpinn.results.record import CARE, IMPROBABLE, Check, Reason, Record
 from granpinn.uncertainty.determined import Range, lost_of, range_of
 from granpinn.uncertainty.error_model import Known, ends_of

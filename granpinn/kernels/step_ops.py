@@ -1,7 +1,7 @@
 """The operators of one optimization step of E members; csrc/step.h describes each.
 
 A step copies nothing to the host. `counter` int64 [3] holds the number of the step, and `table`
-[rows, 2 + E] float64 the schedule of the next steps (granpinn/training/control_table.py). `update`
+[rows, 2 + E] float64 the schedule of the next steps (granpinn/training/schedule.py). `update`
 and `descend` change tensors in place.
 
 `draw_batch` returns the points of a batch and the weights of its terms, then the source there;

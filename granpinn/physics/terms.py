@@ -23,7 +23,7 @@ class Term:
         label: short, for the line that a run shows.
         quantity: physical quantity of the residual, which determines its unit.
         sigma: its standard deviation by default, in units of the flow
-            (granpinn/training/tolerances.py); the term weighs 1/sigma^2.
+            (granpinn/training/problem.py); the term weighs 1/sigma^2.
         help: what the residual is, in words.
     """
 

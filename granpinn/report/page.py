@@ -7,7 +7,6 @@ The page lists what is missing.
 from __future__ import annotations
 
 import base64
-import hashlib
 import math
 import unicodedata
 from collections.abc import Callable, Sequence
@@ -15,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 from markupsafe import Markup, escape
 
 from granpinn.declared import checked
 from granpinn.figures import album, maps
 from granpinn.output import write_text
-from granpinn.report import film as films
 from granpinn.report.vtkhdf import write_vtkhdf
 from granpinn.results import (
     Fields,
@@ -31,16 +30,13 @@ from granpinn.results import (
     read_results,
     write_csv,
 )
-from granpinn.results.attempt import NotDone, attempt
-from granpinn.results.result import in_words
-from granpinn.results.summary import summarize
+from granpinn.results.assessment import reach_of
+from granpinn.results.result import in_words, true_friction
 from granpinn.terminal import say
 from granpinn.training.history import HistoryFileError, read_history
 
 TEMPLATES = Path(__file__).parent / "templates"
-FILM = "Predicted pressure over time"
 ANSWER = ("friction_law", "pressure")  # the figures directly under the numbers
-PAGE = 2_900_000  # largest number of bytes of figures and film in the page
 SYMBOLS = {"mu(I)": "μ(I)", "mu_s": "μₛ", "mu_2": "μ₂", "I0": "I₀", "+-": "±"}
 # Settings that name folders of one machine; the page omits them.
 OWN_PLACE = ("flow", "further_flows", "out")
@@ -56,7 +52,7 @@ def build(
 
     Args:
         run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
-        time: of the maps and profiles, in the unit of the flow file; by default 0.7 of the last.
+        time: of the maps, in the unit of the flow file; by default 0.7 of the last.
         pdf: write every figure as a PDF too, beside its PNG.
 
     Raises:
@@ -66,16 +62,9 @@ def build(
     figures = folder / "figures"
     source, problems = read(folder, time)
     pictures, missing = album.draw_all(source, figures, pdf)
-    taken = sum(4 * p.path.stat().st_size // 3 for p in pictures)
-    budget = min(films.BUDGET, PAGE - taken)
-    film = attempt(lambda: films.shoot(album.fields_of(source), source.frame, budget))
-    if isinstance(film, NotDone) and not source.result.flows:
-        missing = [album.Missing(FILM, film.why), *missing]
     write_csv(source.result, folder / "results.csv")
     page = folder / "report.html"
-    shot = None if isinstance(film, NotDone) else film
-    text = render(source.result, pictures, missing, problems, shot)
-    write_text(page, text)
+    write_text(page, render(source.result, pictures, missing, problems))
     return page
 
 
@@ -116,23 +105,19 @@ def render(
     pictures: Sequence[album.Picture],
     missing: Sequence[album.Missing],
     problems: Sequence[str],
-    film: films.Film | None = None,
 ) -> str:
-    """The page, with every figure inside; a script is on it only where there is a film."""
+    """The page, with every figure inside."""
     settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
-    summary, law = summarize(result), result.friction_law
-    script = (TEMPLATES / "report.js").read_text(encoding="utf-8")
-    digest = hashlib.sha256(script.encode()).digest()
+    law, curve = result.friction_law, result.law.curve
+    true = None if curve is None else true_friction(result, np.array(curve.I))
     return template("report.html", duration=duration, base64=encoded).render(
         r=result,
         law=law,
         not_done=[(in_words(name), why) for name, why in result.not_done.items()],
         has_truth=any(result.error_percent.get(name) is not None for name in law.names),
-        s=summary,
+        reach=reach_of(result),
+        off=None if curve is None or true is None else float(np.abs(true - curve.mu).max()),
         a=result.assessment,
-        film=film,
-        script=Markup(script),
-        script_hash=f"sha256-{base64.b64encode(digest).decode('ascii')}",
         answer=[picture for picture in pictures if picture.path.stem in ANSWER],
         pictures=[picture for picture in pictures if picture.path.stem not in ANSWER],
         missing=missing,

@@ -19,7 +19,6 @@ import numpy as np
 from granpinn.arrays import Float32, Float64, Int64
 from granpinn.output import hdf5_file
 from granpinn.output.frames import PACKED, packer
-from granpinn.report.pixels import nearest_index
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES
 
@@ -46,7 +45,8 @@ def even(axis: Float64) -> GridAxis:
     spacing = float(wanted[1] - wanted[0])
     if np.max(np.abs(axis - wanted)) <= EVEN * spacing:
         return GridAxis(float(axis[0]), spacing, np.arange(axis.size), False)
-    return GridAxis(float(axis[0]), spacing, nearest_index(axis, wanted), True)
+    nearest = np.searchsorted((axis[1:] + axis[:-1]) / 2, wanted)
+    return GridAxis(float(axis[0]), spacing, nearest, True)
 
 
 def write_vtkhdf(fields: Fields, path: str | Path) -> bool:

@@ -1,15 +1,14 @@
 """The result of a run and its files results.json, results.csv and fields.h5.
 
-In reading order: named (values by the names of parameters and loss terms), parameters (of a law,
-with their errors), records (data, training, ensemble, error bars), determined (what a narrow range
-of I leaves), identified_law (its curve over the I of the data), loss, record (what a check leaves),
-assessment (may the numbers be used?), result (all of it), results_file (results.json), decoding
-(its JSON), attempt
-(parts that may fail alone), summary (numbers behind the words of a report), results_csv, fields,
-zones (which of their points flow).
+In reading order: parameters (of a law, with their errors, and what a narrow range of I leaves),
+records (data, training, ensemble, error bars, loss), identified_law (its curve over the I of the
+data), record (what a check leaves), assessment (may the numbers be used?), result (all of it),
+results_file (results.json and results.csv), decoding (the JSON), attempt (parts that may fail
+alone), fields (and which of their points flow).
 """
 
 from granpinn.results.assessment import Assessment
+from granpinn.results.decoding import plain
 from granpinn.results.fields import (
     Fields,
     FieldsFileError,
@@ -18,19 +17,16 @@ from granpinn.results.fields import (
     write_fields,
 )
 from granpinn.results.identified_law import IdentifiedLaw
-from granpinn.results.json_values import plain
-from granpinn.results.named import ErrorPercent, Residuals
-from granpinn.results.parameters import Covariance, Parameter, Parameters
-from granpinn.results.records import DataSummary, InertialNumber, Input, Timing, Zones
+from granpinn.results.parameters import Covariance, ErrorPercent, Parameter, Parameters, Residuals
+from granpinn.results.records import DataSummary, InertialNumber, Input, Timing, Zones, versions
 from granpinn.results.result import Result, number
-from granpinn.results.results_csv import write_csv
 from granpinn.results.results_file import (
     ResultsFileError,
     from_dict,
     read_results,
+    write_csv,
     write_results,
 )
-from granpinn.results.versions import versions
 
 __all__ = [
     "Assessment",

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from granpinn.physics.laws import mu_of_i
-from granpinn.results.determined import NOT_DETERMINED, USELESS, half_width, spans
+from granpinn.results.parameters import NOT_DETERMINED, USELESS, half_width, spans
 from granpinn.results.record import BAD, CARE, GOOD, IMPROBABLE, UNUSUAL
 
 if TYPE_CHECKING:

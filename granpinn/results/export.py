@@ -21,7 +21,7 @@ from granpinn.arrays import Float64
 from granpinn.errors import BadInput
 from granpinn.results.assessment import reach_of
 from granpinn.results.decoding import encode
-from granpinn.results.determined import NOT_DETERMINED
+from granpinn.results.parameters import NOT_DETERMINED
 from granpinn.results.record import BAD
 
 if TYPE_CHECKING:

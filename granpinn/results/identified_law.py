@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from granpinn.physics.laws import DEFAULT, LAWS
-from granpinn.results.determined import NOT_DETERMINED, USELESS, half_width
+from granpinn.results.parameters import NOT_DETERMINED, USELESS, half_width
 
 Numbers = tuple[float, ...]
 
@@ -75,7 +75,7 @@ class StressPoints:
 
 @dataclass(frozen=True)
 class IdentifiedLaw:
-    """The identified law over the inertial numbers that the data hold (uncertainty/curve.py).
+    """The identified law over the inertial numbers that the data hold (uncertainty/determined.py).
 
     Attributes:
         name: of the law (`granpinn.physics.laws.LAWS`).

@@ -1,12 +1,141 @@
-"""The values of the parameters of a friction law, and their errors."""
+"""The values of the parameters of a friction law, their errors, and what a flow determines.
+
+Values by name are parameters of a friction law, terms of the loss, or errors in %. Their names come
+from tables (`granpinn.physics.laws`, `granpinn.physics.terms`), so that a new law
+or a new term needs no change here. `values.mu_s` is `values["mu_s"]`.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
-from granpinn.results.determined import NOT_DETERMINED
-from granpinn.results.named import Named
+from granpinn.physics.terms import NAMES
+
+V = TypeVar("V")
+
+PRESSURES = ("pressure", "pressure_flowing", "pressure_stagnant")
+SIMULATED = ("pressure_simulated", "pressure_simulated_flowing", "pressure_simulated_stagnant")
+FIELD_ERRORS = ("velocity", *PRESSURES, *SIMULATED)
+
+
+class Named(dict[str, V]):
+    """Values by name, in order, each an attribute too."""
+
+    def __getattr__(self, name: str) -> V:
+        try:
+            return self[name]
+        except KeyError:
+            raise AttributeError(f"{name} is not one of {', '.join(self)}") from None
+
+
+class ErrorPercent(Named[float | None]):
+    """Relative errors in %, by the parameters of the law and `FIELD_ERRORS`; None: not known.
+
+    The error of a parameter is |value - true| / |true|, of a field eq. (errorL2). Errors of the
+    simulated pressure are over the frames that have one.
+    """
+
+    def __init__(self, *values: Any, **errors: float | None) -> None:
+        super().__init__(*values, **errors)
+        for name in FIELD_ERRORS:
+            self.setdefault(name, None)
+
+
+class Residuals(Named[float]):
+    """Root mean squares of the residuals of a trained network over many points, dimensionless.
+
+    By the terms of the loss (`granpinn.physics.terms`), and "noise". `velocity` is the misfit of
+    the fitted data, relative to their root mean square. `noise` is the known measurement noise of
+    these data in the same unit, 0 if none is known.
+
+    Raises:
+        ValueError: a name is missing or unknown.
+    """
+
+    def __init__(self, *values: Any, **residuals: float) -> None:
+        super().__init__(*values, **residuals)
+        require_names(self, ("noise", *NAMES))
+
+
+def require_names(
+    values: dict[str, Any], needed: tuple[str, ...], allowed: tuple[str, ...] = (), where: str = ""
+) -> None:
+    """Raise ValueError if a needed name is missing, or if a name is not allowed."""
+    for name in values:
+        if name not in (*needed, *allowed):
+            known = ", ".join((*needed, *allowed))
+            raise ValueError(f"{where}{name} is not known; expected {known}")
+    for name in needed:
+        if name not in values:
+            raise ValueError(f"{where}{name} is missing")
+
+
+NOT_DETERMINED = "not determined"
+USELESS = 0.5  # half of a 90 % interval, of the logarithm: beyond, the value is not determined
+
+
+def half_width(interval: tuple[float, float]) -> float:
+    """Half of an interval, of the logarithm."""
+    low, high = interval
+    return math.log(high / low) / 2 if low > 0 else math.inf
+
+
+def spans(half: float) -> str:
+    """Why a value with an interval of this half width is not determined."""
+    return f"its 90 % interval spans a factor of {math.exp(2 * half):.2g}"
+
+
+@dataclass(frozen=True)
+class Determined:
+    """What the data determine (uncertainty/determined.py).
+
+    Attributes:
+        I_low, I_high: of the points that shear, 5th and 95th percentile.
+        I: their mean.
+        mu, std, interval_90: friction at this I, without error bars if the law has none.
+        lost: names of the parameters that are not determined. Each has `determined` = false and no
+            error bars in `parameters`; those that it had are here.
+        wide: those of `lost` whose 90 % interval is wider than `USELESS`.
+        raw_std, raw_interval_90: of the parameters in `lost` that had them.
+        reason: why no friction at any I is determined, in words (estimates/confined.py); `mu` is
+            then that of the training, without a meaning. None: `mu` is determined.
+    """
+
+    I_low: float
+    I_high: float
+    I: float
+    mu: float
+    std: float | None
+    interval_90: tuple[float, float] | None
+    lost: tuple[str, ...] = ()
+    raw_std: dict[str, float] | None = None
+    raw_interval_90: dict[str, tuple[float, float]] | None = None
+    reason: str | None = None
+    wide: tuple[str, ...] = ()
+
+    def why(self, name: str) -> str:
+        """Why a parameter in `lost` is not determined."""
+        if self.reason is not None:
+            return self.reason
+        if name in self.wide and self.raw_interval_90 is not None:
+            return spans(half_width(self.raw_interval_90[name]))
+        return f"the grains shear at I = {self.I_low:.2g} to {self.I_high:.2g} only"
+
+    def __str__(self) -> str:
+        """The line for the terminal, where a parameter is not determined."""
+        names: dict[str, list[str]] = {}
+        for name in self.lost:
+            names.setdefault(self.why(name), []).append(name)
+        text = "; ".join(f"{' and '.join(n)} {NOT_DETERMINED}: {why}" for why, n in names.items())
+        if self.reason is not None:
+            return text
+        interval = ""
+        if self.interval_90 is not None:
+            low, high = self.interval_90
+            interval = f" (90 % interval {low:.4f} to {high:.4f})"
+        return f"{text}; mu = {self.mu:.4f} at I = {self.I:.2g}{interval}"
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import platform
 from dataclasses import dataclass
+from importlib import metadata
 from typing import Any
 
 from granpinn.results.decoding import CONVERTER
+from granpinn.results.parameters import Parameters
 from granpinn.results.record import Reason
 
 
@@ -107,7 +110,7 @@ class ErrorBars:
 
 @dataclass(frozen=True)
 class Zones:
-    """How the test points were split into flowing and stagnant (zones.py)."""
+    """How the test points were split into flowing and stagnant (fields.py)."""
 
     d2_threshold: float
     source: str
@@ -137,3 +140,81 @@ class Input:
 
     name: str
     sha256: str
+
+
+@dataclass(frozen=True)
+class ComparedLaw:
+    """A law, as near to the free curve as it comes.
+
+    Attributes:
+        law: its name.
+        parameters: of the law that is nearest to the free curve; not those of the identification.
+        not_told_apart_from: names of laws whose curves differ by less than the band of the free
+            curve.
+    """
+
+    law: str
+    parameters: Parameters
+    not_told_apart_from: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Loss:
+    """The loss at the end of a training, over many points (fit/ensemble.py).
+
+    Attributes:
+        n_points: points inside the grains.
+        terms: half the mean square of every residual by `terms.NAMES`, dimensionless.
+        weights: 1/sigma^2 of every term at the end of the training.
+    """
+
+    n_points: int
+    terms: dict[str, float]
+    weights: dict[str, float]
+
+    def total(self, weights: dict[str, float] | None = None) -> float:
+        """The sum of the weighted terms, by default with the weights of the training."""
+        chosen = weights or self.weights
+        return sum(chosen[name] * term for name, term in self.terms.items())
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """One assumption of an identification (uncertainty/sensitivity.py).
+
+    Attributes:
+        name: of the assumption.
+        unit: of its value, "1" without one.
+        sd: standard deviation of its value, from the file or by rule.
+        derivative: of every identified parameter by the value, in 1/unit; None: not known.
+        example: a change of the assumption in words.
+        percent: change of every parameter by the example, relative to its value.
+        why: the reason for an unknown derivative.
+    """
+
+    name: str
+    unit: str
+    sd: float
+    derivative: dict[str, float] | None
+    example: str
+    percent: dict[str, float] | None = None
+    why: str | None = None
+
+    def __str__(self) -> str:
+        """The line for the terminal."""
+        known = f"known to {self.sd:.3g}" + (f" {self.unit}" if self.unit != "1" else "")
+        if self.percent is None:
+            return f"{self.name} ({known}): its effect is not known: {self.why}"
+        changes = ", ".join(f"{name} {value:+.1f} %" for name, value in self.percent.items())
+        return f"{self.example}: {changes} ({self.name} {known})"
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that the numbers depend on."""
+    found = {"python": platform.python_version()}
+    for name in ("granpinn", "torch", "numpy", "h5py"):
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found

@@ -4,6 +4,14 @@ A number without a meaning is None here and null in the file, never 0: an error 
 The file is strict JSON (no NaN, no Infinity), written atomically, and validated when it is read.
 
 Format version 4.  A field may be added with a default; any other change needs a new version.
+
+The answer in a few lines, for the terminal: values, the law, the grade and its reason.
+
+mu_s   0.398  (0.395 to 0.402)   true 0.400   90 % intervals
+mu_2   0.659  (0.623 to 0.697)   true 0.640   extrapolated: the flow reaches 0.33 I0
+I0     0.300                     true 0.300   given
+mu(I)  0.402 +- 0.004 at I = 0.0048 to 0.465 +- 0.008 at I = 0.1
+GOOD   the equations hold; ...
 """
 
 from __future__ import annotations
@@ -13,32 +21,71 @@ import os
 from dataclasses import dataclass, field
 from typing import Any, Self
 
+import numpy as np
+
+from granpinn.arrays import Float64, Floats
 from granpinn.config import LEVELS
 from granpinn.data import Truth
 from granpinn.output import html, write_text
 from granpinn.physics.laws import LAWS, FrictionLaw
+from granpinn.physics.rheology import by_parameters
 from granpinn.physics.terms import FORMS
-from granpinn.results import brief, export
-from granpinn.results.assessment import Assessment, assess
-from granpinn.results.assumed import Assumed
-from granpinn.results.decoding import encode
-from granpinn.results.determined import NOT_DETERMINED, Determined
-from granpinn.results.flow_of_law import FlowOfLaw
+from granpinn.results import export
+from granpinn.results.assessment import Assessment, assess, evidence, reach_of
+from granpinn.results.decoding import encode, plain
 from granpinn.results.identified_law import IdentifiedLaw
-from granpinn.results.json_values import plain
-from granpinn.results.loss import Loss
-from granpinn.results.named import FIELD_ERRORS, ErrorPercent, Residuals, require_names
-from granpinn.results.parameters import Covariance, Parameters
+from granpinn.results.parameters import (
+    FIELD_ERRORS,
+    NOT_DETERMINED,
+    Covariance,
+    Determined,
+    ErrorPercent,
+    Parameter,
+    Parameters,
+    Residuals,
+    require_names,
+)
 from granpinn.results.record import Record
 from granpinn.results.records import (
+    Assumed,
     DataSummary,
     ErrorBars,
     InertialNumber,
     Input,
+    Loss,
     Members,
     Timing,
     Zones,
 )
+
+
+@dataclass(frozen=True)
+class FlowOfLaw:
+    """
+    Attributes:
+        I_range: 5th and 95th percentile of I over its points that shear; None without any.
+        residuals: of its network, which has the shared law.
+        assessment: of the fit of this flow.
+    """
+
+    input: Input
+    data: DataSummary
+    I_range: tuple[float, float] | None
+    residuals: Residuals | None
+    assessment: Assessment
+
+    def __str__(self) -> str:
+        """The line for the terminal."""
+        return f"{self.input.name}: {self.shear}, {self.assessment.headline}"
+
+    @property
+    def shear(self) -> str:
+        """Its range of I in words."""
+        if self.I_range is None:
+            return "no grains shear"
+        low, high = self.I_range
+        return f"I = {low:.2g} to {high:.2g}"
+
 
 FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 4
@@ -154,8 +201,8 @@ class Result:
         return f"{type(self).__name__}({self.input.name}, level {self.level}: {found})"
 
     def __str__(self) -> str:
-        """The answer in a few lines, as a terminal shows it at the end of a run (brief.py)."""
-        return "\n".join([*brief.lines(self), *self._missing()])
+        """The answer in a few lines, as a terminal shows it at the end of a run."""
+        return "\n".join([*brief(self), *self._missing()])
 
     def export(self, to: str, path: str | os.PathLike[str] | None = None) -> str:
         """The law as the text of an input file of another program (export.py).
@@ -242,3 +289,93 @@ def in_words(name: str) -> str:
 def number(value: float | None, spec: str) -> str:
     """`value` formatted, a dash where there is none."""
     return "-" if value is None else format(value, spec)
+
+
+BAND_POINTS = 200  # of laws that are compared over a range of I
+NORMAL_90 = 1.645  # half-width of the central 90 % of a normal distribution, in sd
+
+
+def true_friction(result: Result, I: Floats) -> Float64 | None:
+    """mu of the law that made the data, at I [n]; None if one of its parameters is unknown.
+
+    A parameter with an unknown true value that was given in the identification counts as true.
+    """
+    truth = result.truth
+    if truth is None:
+        return None
+    law, theta = truth.friction_law, []
+    for name, true in zip(law.names, truth.theta, strict=True):
+        given = result.parameters.get(name) if law.name == result.law.name else None
+        if true is None and (given is None or not given.fixed):
+            return None
+        theta.append(float(true if true is not None or given is None else given.value))
+    return np.asarray(law.friction(np.asarray(I, np.float64), *theta), np.float64)
+
+
+def friction_sd(I: Floats, result: Result, covariance: Covariance) -> Floats:
+    r"""Standard deviation of the law [n] from the covariance C of its parameters, to first order:
+
+    $$ \sigma_\mu^2 = J\,C\,J^T, \quad J = \partial \mu / \partial \theta. $$
+    """
+    law = result.friction_law
+    rows = by_parameters(law, np.asarray(I, np.float64), result.theta)
+    J = rows[:, [law.names.index(name) for name in covariance.names]]
+    variance = np.einsum("ni,ij,nj->n", J, np.array(covariance.matrix), J)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+def brief(result: Result) -> list[str]:
+    """The lines for a terminal."""
+    rows = [_row(result, name, p) for name, p in result.parameters.items()]
+    seen = next((row for row in rows if row[1].endswith(")")), None)
+    if seen is not None:
+        seen[3] = "; ".join(["90 % intervals", *filter(None, [seen[3]])])
+    wide = [max(len(row[k]) for row in rows) for k in range(4)]
+    made = [
+        "   ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True) if w).rstrip()
+        for row in rows
+    ]
+    made.append(f"mu(I)   {_curve(result)}")
+    made += [f"flow    {flow}" for flow in result.flows]
+    made.append(f"{result.assessment.grade.upper():4s}    {evidence(result)}")
+    return made
+
+
+def _row(result: Result, name: str, p: Parameter) -> list[str]:
+    """Name, value with interval, true value, and a note."""
+    value = _short(p.value) if p.determined else NOT_DETERMINED
+    if p.interval_90 is not None:
+        value += f"  ({_short(p.interval_90[0])} to {_short(p.interval_90[1])})"
+    true = getattr(result.truth, name, None)
+    reach = reach_of(result) if name == "mu_2" else None
+    notes = ["given"] if p.fixed else []
+    if result.determined is not None and not p.determined:
+        notes += [result.determined.why(name)]
+    notes += [] if reach is None else [f"extrapolated: the flow reaches {reach:.2g} I0"]
+    return [f"{name:5s}", value, "" if true is None else f"true {_short(true)}", "".join(notes)]
+
+
+def _curve(result: Result) -> str:
+    """mu at both ends of the I of the data, with half of the 90 % interval."""
+    law, curve = result.law, result.law.curve
+    if curve is None:
+        return f"{NOT_DETERMINED}: {law.reason}" if law.reason else NOT_DETERMINED
+    ends = [0, -1] if curve.I[-1] > curve.I[0] else [0]
+    if not any(map(curve.determines, ends)):
+        return f"{NOT_DETERMINED} at I = {' to '.join(f'{curve.I[k]:.2g}' for k in ends)}"
+    words = []
+    for k in ends:
+        if not curve.determines(k):
+            words.append(f"{NOT_DETERMINED} at I = {curve.I[k]:.2g}")
+            continue
+        mu = _short(curve.mu[k])
+        if curve.low is not None and curve.high is not None:
+            mu += f" +- {_short((curve.high[k] - curve.low[k]) / 2)}"
+        words.append(f"{mu} at I = {curve.I[k]:.2g}")
+    reason = f"; the error is not known: {law.reason}" if curve.low is None and law.reason else ""
+    return " to ".join(words) + reason
+
+
+def _short(value: float) -> str:
+    """Three decimals; two digits of a small number, three of a large one."""
+    return f"{value:.3f}" if 0.001 <= abs(value) < 100 or value == 0 else f"{value:.3g}"

@@ -1,17 +1,26 @@
-"""The file results.json: strict JSON, written whole, and validated when it is read."""
+"""The file results.json: strict JSON, written whole, and validated when it is read.
+
+results.csv: one run as one row, for spreadsheets and for tables of many runs.
+
+Every value has its unit in a column of its own ("1": dimensionless, "%", "s").  An empty cell is an
+unknown value; a fixed parameter has neither standard deviation nor interval.
+"""
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+import io
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import write_text
-from granpinn.results.decoding import decode
-from granpinn.results.json_values import read_json
+from granpinn.results.decoding import decode, plain, read_json
+from granpinn.results.parameters import FIELD_ERRORS, NOT_DETERMINED
 from granpinn.results.record import record_type
 from granpinn.results.result import FORMAT_NAME, FORMAT_VERSION, Result
 
@@ -63,3 +72,102 @@ def from_dict(content: Any, where: str = "the result") -> Result:
         return dataclasses.replace(decode(Result, content), checks=records)
     except ValueError as error:
         raise ResultsFileError(f"{where}: {error}") from None
+
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # first characters of a cell that a spreadsheet computes
+PLACES = {"low": 0.0, "middle": 0.5, "high": 1.0}  # of the range of log I
+Cell = str | int | float | bool | None
+
+
+def row(result: Result) -> dict[str, Cell]:
+    """Column -> value, in the order of the file."""
+    cells: dict[str, Cell] = {
+        "input": result.input.name,
+        "sha256": result.input.sha256,
+        "level": result.level,
+        "form": result.form,
+        "law": result.law.name,
+        "recipe": result.recipe,
+        "seed": result.seed,
+        "stopped": result.stopped,
+        "assessment": result.assessment.grade,
+        "reason": next(iter(result.assessment.reasons), None),
+    }
+    for name, parameter in result.parameters.items():
+        low, high = parameter.interval_90 or (None, None)
+        cells |= {
+            name: parameter.value if parameter.determined else NOT_DETERMINED,
+            f"{name}_std": parameter.std,
+            f"{name}_low_90": low,
+            f"{name}_high_90": high,
+            f"{name}_unit": "1",
+            f"{name}_fixed": parameter.fixed,
+            f"{name}_true": getattr(result.truth, name, None),
+        }
+    for name in (*result.friction_law.free, *FIELD_ERRORS):
+        cells[f"error_{name}"] = result.error_percent.get(name)
+    cells["error_unit"] = "%"
+    band, shear = result.inertial_number, result.determined
+    found = result.checks.get("momentum_balance")
+    mean = found.balance.mean if found and found.balance.shown else None
+    nearest = [d.percent for d in found.differences if mean and d.I == mean.I] if found else []
+    cells |= {
+        "I_q05": band.q05 if band else None,
+        "I_median": band.median if band else None,
+        "I_q95": band.q95 if band else None,
+        "I_unit": "1",
+        "I_shear": shear.I if shear else None,
+        "mu_at_I_shear": shear.mu if shear and shear.reason is None else None,
+        "mu_at_I_shear_std": shear.std if shear else None,
+        "balance_I": mean.I if mean else None,
+        "balance_mu": mean.mu if mean else None,
+        "balance_mu_std": mean.se if mean else None,
+        "balance_difference": nearest[0] if nearest else None,
+        "balance_difference_unit": "%",
+        "n_points": result.data.n_points,
+        "n_frames": result.data.n_frames,
+        "noise": result.data.noise,
+        "steps": result.timing.steps,
+        "wall": result.timing.wall_s,
+        "wall_unit": "s",
+        "granpinn": result.versions.get("granpinn"),
+    }
+    return {name: plain(value) for name, value in (cells | _curve(result)).items()}
+
+
+def _curve(result: Result) -> dict[str, Cell]:
+    """mu with its 90 % band at both ends and in the middle of the range of log I."""
+    law, cells = result.law, dict[str, Cell]()
+    curve, lost = law.curve, NOT_DETERMINED if law.I_range else None
+    for place, share in PLACES.items():
+        k = round(share * (len(curve.I) - 1)) if curve else 0
+        cells |= {
+            f"I_{place}": curve.I[k] if curve else None,
+            f"mu_at_I_{place}": curve.mu[k] if curve else lost,
+            f"mu_at_I_{place}_low_90": curve.low[k] if curve and curve.low else None,
+            f"mu_at_I_{place}_high_90": curve.high[k] if curve and curve.high else None,
+        }
+    return cells
+
+
+def write_csv(result: Result, path: str | Path) -> None:
+    """Write results.csv: a header and one row; numbers with all their digits."""
+    write_table([row(result)], path)
+
+
+def write_table(rows: Sequence[dict[str, Cell]], path: str | Path) -> None:
+    """Write a table; a column that a row does not have is empty there.
+
+    A text that a spreadsheet would take for a formula gets an apostrophe before it.
+    """
+    table = io.StringIO(newline="")
+    columns = dict.fromkeys(name for cells in rows for name in cells)
+    writer = csv.DictWriter(table, list(columns))
+    writer.writeheader()
+    for cells in rows:
+        writer.writerow({name: _plain_cell(cell) for name, cell in cells.items()})
+    write_text(path, table.getvalue())
+
+
+def _plain_cell(cell: Cell) -> Cell:
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell

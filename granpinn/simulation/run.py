@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from granpinn.config import ConfigError
 from granpinn.data.constants import check_constants
@@ -15,22 +16,16 @@ from granpinn.data.flow import Flow, FlowFileError
 from granpinn.data.writer import write_flow
 from granpinn.declared import checked
 from granpinn.errors import Interrupted
-from granpinn.simulation.engine import Engine, SimulationError, State
+from granpinn.simulation.engine import Engine, SimulationError, State, StepReport
 from granpinn.simulation.parameters import Collapse
-from granpinn.simulation.progress import SilentSimulation
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.scene import Scene
+from granpinn.terminal import say
 
 DEMO = "collapse_0.40_0.64.h5"
 
 
-class Taker(Protocol):
-    """Receiver of the frames of a run, such as a Recorder."""
-
-    @property
-    def scene(self) -> Scene: ...
-
-    def add(self, time: float, state: State) -> None: ...
+Listener = Callable[[StepReport], object]  # called after every step
 
 
 @checked
@@ -38,7 +33,7 @@ def simulate(
     scene: Scene | None = None,
     *,
     out: str | os.PathLike[str] | None = None,
-    listener: SilentSimulation | None = None,
+    listener: Listener | None = None,
     **settings: Any,
 ) -> Flow:
     """Simulates the collapse of a column of grains, or another scene.
@@ -47,7 +42,7 @@ def simulate(
         scene: what to simulate, such as `Chute(slope=24)`; or give the fields of a collapse as
             keywords, such as mu_s=0.4, cells=128.
         out: flow file to write.
-        listener: its `show` gets the report of every step (simulation/progress.py).
+        listener: called with the report of every step.
 
     Returns:
         The flow, with the true parameters.
@@ -67,7 +62,8 @@ def simulate(
         except FlowFileError as error:
             raise ConfigError(f"the flow file cannot hold this simulation: {error}") from None
     try:
-        record(recorder, listener or SilentSimulation())
+        for time, state in states(recorder.scene, listener=listener):
+            recorder.add(time, state)
     except (KeyboardInterrupt, SimulationError) as error:
         if out is None:
             raise
@@ -91,27 +87,51 @@ def _keep(recorder: Recorder, out: str | os.PathLike[str]) -> str:
     return f"{out} holds the {count} frames so far"
 
 
-def record(taker: Taker, listener: SilentSimulation, times: Sequence[float] | None = None) -> None:
-    """Simulates `taker.scene` and calls `taker.add` for every frame.
+def states(
+    scene: Scene, times: Sequence[float] | None = None, listener: Listener | None = None
+) -> Iterator[tuple[float, State]]:
+    """Simulate a scene: the time and the state of every frame.
 
     Args:
         times: of the frames, increasing; by default those of the scene.
+        listener: called with the report of every step; its errors end the simulation.
     """
-    scene = taker.scene
-    assert scene.t_end is not None  # resolved
     engine = Engine(scene)
-    listener.start(scene.t_end)
-    try:
-        if times is None:
-            times = [scene.t_end * k / scene.frames for k in range(1, scene.frames + 1)]
-        for time in times:
-            while time - engine.time > 1e-9 * scene.t_end:
-                listener.show(engine.step(time - engine.time))
-            taker.add(time, engine.state())
-    finally:
-        listener.stop()
+    t_end, frames = engine.scene.t_end, engine.scene.frames
+    assert t_end is not None  # resolved
+    for at in times or [t_end * k / frames for k in range(1, frames + 1)]:
+        while at - engine.time > 1e-9 * t_end:
+            report = engine.step(at - engine.time)
+            if listener is not None:
+                listener(report)
+        yield at, engine.state()
 
 
 def demo_path() -> Path:
     """The flow file of the package, a collapse made by this simulator."""
     return Path(str(files("granpinn") / "demo" / DEMO))
+
+
+LINE_EVERY = 10.0  # seconds
+
+
+def lines(
+    t_end: float, say: Callable[[str], None] = say, every: float = LINE_EVERY
+) -> Callable[[StepReport], None]:
+    """A listener that says a line every ten seconds, by default to stderr."""
+    begin = said = time.monotonic()
+
+    def show(report: StepReport) -> None:
+        nonlocal said
+        now = time.monotonic()
+        if now - said < every:
+            return
+        said = now
+        left = (now - begin) / report.time * (t_end - report.time)
+        say(
+            f"t {report.time:.3g}/{t_end:.3g}  dt {report.step:.2g}  iterations "
+            f"{report.viscous_iterations}+{report.pressure_iterations}  window "
+            f"{report.window[0]}x{report.window[1]}  {left:.0f} s left"
+        )
+
+    return show

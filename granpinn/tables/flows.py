@@ -16,7 +16,6 @@ from granpinn.data.flow import SOLVER_CELL
 from granpinn.output import make_folder
 from granpinn.simulation import PAPER_CASES, Collapse, simulate
 from granpinn.simulation.engine import StepReport
-from granpinn.simulation.progress import SilentSimulation
 
 Say = Callable[[str], None]
 
@@ -83,17 +82,6 @@ def _holds(path: Path, collapse: Collapse) -> bool:
     )
 
 
-class _Share(SilentSimulation):
-    """Reports the progress of one of several simulations to their `_Board`."""
-
-    def __init__(self, board: _Board, name: str) -> None:
-        self.board, self.name = board, name
-
-    def show(self, report: StepReport) -> None:
-        super().show(report)
-        self.board.heard(self.name, report.time / self.t_end)
-
-
 class _Board:
     """One line every ten seconds with the progress of each simulation."""
 
@@ -125,8 +113,14 @@ def _simulate(missing: list[tuple[Collapse, Path]], say: Say) -> None:
     board, begin = _Board(say), time.monotonic()
 
     def one(collapse: Collapse, path: Path) -> None:
-        share = _Share(board, path.stem.removeprefix("collapse_"))
-        write_flow(simulate(dataclasses.replace(collapse, threads=threads), listener=share), path)
+        scene = dataclasses.replace(collapse, threads=threads).resolved()
+        name, t_end = path.stem.removeprefix("collapse_"), scene.t_end
+        assert t_end is not None
+
+        def heard(report: StepReport) -> None:
+            board.heard(name, report.time / t_end)
+
+        write_flow(simulate(scene, listener=heard), path)
         say(f"simulated {path.name} after {time.monotonic() - begin:.0f} s")
 
     with ThreadPoolExecutor(at_once) as pool:

@@ -14,7 +14,7 @@ from granpinn.config import flatten
 from granpinn.output import write_text
 from granpinn.report.page import duration, template
 from granpinn.results import number, plain
-from granpinn.results.named import PRESSURES, SIMULATED
+from granpinn.results.parameters import PRESSURES, SIMULATED
 from granpinn.tables.paper import SOURCE_1, SOURCE_2, VELOCITY_ALONE, PaperRow
 from granpinn.tables.rows import Spread, TableRow
 from granpinn.tables.study import Study, batches

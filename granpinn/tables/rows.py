@@ -18,7 +18,7 @@ from typing import NamedTuple
 from granpinn.data import Flow, Truth
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import Result
-from granpinn.results.named import FIELD_ERRORS
+from granpinn.results.parameters import FIELD_ERRORS
 from granpinn.tables.paper import PaperRow, row_1, row_2
 
 

@@ -2,7 +2,7 @@
 
 A graph repeats its kernels on the same memory, without Python and without single launches. Numbers
 that Python passes by value are constants of the graph. A step therefore reads all changing numbers
-from tensors on the device (granpinn/training/control_table.py).
+from tensors on the device (granpinn/training/schedule.py).
 """
 
 from __future__ import annotations

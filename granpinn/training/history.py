@@ -110,7 +110,7 @@ class History:
             return
         if self._sha256.hexdigest() != sha256:
             raise ValueError(f"its first {offset} bytes were changed")
-        self.rows = _rows(content, self.law)
+        self.rows = [Row.of(self.law, row) for row in _rows(content.decode(), self.law)]
         with naming(self.path):
             self._file.truncate(offset)
             self._file.seek(offset)
@@ -158,37 +158,29 @@ class History:
         self._sha256.update(content)
 
 
-def _rows(content: bytes, law: FrictionLaw) -> list[Row]:
-    """The rows of a history.csv; ValueError: it holds something else."""
+def _rows(text: str, law: FrictionLaw) -> list[list[float]]:
+    """The numbers of a history.csv, NaN for an empty cell; ValueError: it holds something else."""
+    names = columns(law)
     try:
-        header, *lines = csv.reader(io.StringIO(content.decode()))
-        if tuple(header) != columns(law) or any(len(cells) != len(header) for cells in lines):
-            raise ValueError(f"it should have the columns {', '.join(columns(law))}")
-        return [Row.of(law, (float(v or math.nan) for v in cells)) for cells in lines]
-    except (csv.Error, OverflowError) as error:
+        header, *lines = [*csv.reader(io.StringIO(text))] or [[]]
+    except csv.Error as error:
         raise ValueError(str(error)) from None
+    if tuple(header) != names or any(len(cells) != len(names) for cells in lines):
+        raise ValueError(f"it should have the columns {', '.join(names)}")
+    rows = [[float(cell or math.nan) for cell in cells] for cells in lines]
+    if not all(math.isfinite(row[0]) for row in rows):
+        raise ValueError("it should have a step in every line")
+    return rows
 
 
 def read_history(path: Path, law: FrictionLaw = DEFAULT) -> dict[str, Float64]:
     """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
-    names = columns(law)
     try:
         text = read_text(path)
-        rows = list(csv.reader(text[: text.rfind("\n") + 1].splitlines()))
+        table = np.array(_rows(text[: text.rfind("\n") + 1], law), np.float64)
     except FileNotFoundError:
         raise HistoryFileError(f"{path.name} does not exist") from None
-    except (ValueError, csv.Error) as error:
-        raise HistoryFileError(f"{path.name} could not be read: {error}") from None
-    if not rows or tuple(rows[0]) != names:
-        raise HistoryFileError(f"{path.name} must start with the columns {', '.join(names)}")
-    for row in rows[1:]:
-        if len(row) != len(names):
-            raise HistoryFileError(f"{path.name} must have {len(names)} cells a line, got {row}")
-    try:
-        table = np.array([[float(cell or "nan") for cell in row] for row in rows[1:]])
     except ValueError as error:
-        raise HistoryFileError(f"{path.name} holds no table of numbers: {error}") from None
-    table = table.reshape(-1, len(names))
-    if not np.isfinite(table[:, 0]).all():
-        raise HistoryFileError(f"{path.name} must have a step in every line")
-    return dict(zip(names, table.T, strict=True))
+        raise HistoryFileError(f"{path.name} could not be read: {error}") from None
+    names = columns(law)
+    return dict(zip(names, table.reshape(-1, len(names)).T, strict=True))

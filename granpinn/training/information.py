@@ -23,12 +23,10 @@ import torch
 from torch import Tensor
 
 from granpinn.physics.laws import free
-from granpinn.training.boxes import Boxes
-from granpinn.training.elimination import RIDGE, factor
 from granpinn.training.features import Features, coefficients
-from granpinn.training.last_layer_sums import Sums, Unknowns, choose
+from granpinn.training.last_layer import factor
+from granpinn.training.last_layer_sums import RIDGE, Boxes, PointRow, Sums, Unknowns, choose
 from granpinn.training.objective import Member
-from granpinn.training.rows import PointRow
 
 BOXES = 8  # along each axis
 

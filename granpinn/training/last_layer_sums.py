@@ -22,13 +22,52 @@ from granpinn.data import TrainingSet
 from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.terms import NAMES, RESIDUALS
 from granpinn.training import curve_prior
-from granpinn.training.boxes import Boxes
-from granpinn.training.elimination import RIDGE, gram
 from granpinn.training.equations import DEPENDS, residuals
 from granpinn.training.features import Features
+from granpinn.training.objective import LAST_LAYER, draw
 from granpinn.training.problem import Problem
-from granpinn.training.rows import PointRow
-from granpinn.training.sampling import LAST_LAYER, draw
+
+BLOCKS = 4  # of columns in `gram`
+RIDGE = 1e-7  # on the coefficients, as a part of the diagonal of the normal equations
+
+
+class Boxes:
+    """Boxes between bounds of (x, y, t), each [3], `count` along every axis; `total` of them.
+
+    Neighbors share errors, so the residuals of a box count as one. An axis without an extent has
+    one layer of boxes.
+    """
+
+    def __init__(self, lower: Tensor, upper: Tensor, count: int) -> None:
+        self.lower, self.count, self.total = lower.double(), count, count**3
+        self.size = (upper.double() - self.lower).clamp_min(1e-30) / count
+
+    def number(self, points: Tensor) -> Tensor:
+        """The number [n] of the box of each of the points [n, 3]; beyond the bounds the nearest."""
+        lower, size = self.lower.to(points.device), self.size.to(points.device)
+        k = ((points.double() - lower) / size).long().clamp(0, self.count - 1)
+        return (k[:, 0] * self.count + k[:, 1]) * self.count + k[:, 2]
+
+
+class PointRow(NamedTuple):
+    """One residual of the equations or of the surface at n points, with its slopes.
+
+    Attributes:
+        points: which: first those of the equations, then those of the surface.
+        residual: weighted [n].
+        h: jets of the features [6 or 1, n, F].
+        by_z: derivatives by the fields z and theirs [6 or 1, n, 5].
+        by_theta: derivatives by the free parameters of the law [n, L].
+        used: the fields on which it depends.
+    """
+
+    points: slice
+    residual: Tensor
+    h: Tensor
+    by_z: Tensor
+    by_theta: Tensor
+    used: list[int]
+
 
 POINTS, SURFACE_POINTS, DATA_POINTS = 32768, 8192, 262144  # at most: equations, surface, velocity
 CHUNK = {"cpu": 2048, "cuda": 32768}  # points per evaluation: bounds the memory
@@ -243,3 +282,13 @@ def chunks(points: Tensor) -> list[slice]:
     """Slices of points that are evaluated together."""
     ends = [*range(0, len(points), CHUNK[points.device.type]), len(points)]
     return [slice(first, end) for first, end in pairwise(ends)]
+
+
+def gram(J: Tensor) -> Tensor:
+    """J^T J [K, K] of J [n, K]; the blocks above the diagonal are copies of those below it."""
+    A = J.new_empty(J.shape[1], J.shape[1])
+    ends = [J.shape[1] * k // BLOCKS for k in range(BLOCKS + 1)]
+    for first, end in pairwise(ends):
+        A[first:end, :end] = J[:, first:end].T @ J[:, :end]
+        A[:first, first:end] = A[first:end, :first].T
+    return A

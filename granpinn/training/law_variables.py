@@ -114,8 +114,6 @@ def _q_of(kinds: Sequence[str], theta: Sequence[float]) -> list[float]:
 
 def start_of(law: FrictionLaw, settings: Rheology, seed: int) -> list[float]:
     """Values of the free parameters at the start, in order; random ones are ascending."""
-    if settings.start is not None:  # an I0 that is free in several flows has none there
-        return [*settings.start, *(law.parameter(n).start for n in law.free[len(settings.start) :])]
     if not settings.random_start:
         return [law.parameter(name).start for name in law.free]
     generator = torch.Generator().manual_seed(seed)

@@ -18,13 +18,13 @@ from granpinn.config import Config, ConfigError
 from granpinn.errors import Interrupted
 from granpinn.signals import Signals, caught
 from granpinn.training import checkpoint, identity, time_limit
+from granpinn.training.checkpoint import RunState
 from granpinn.training.guard import NonFiniteError, require_finite
 from granpinn.training.history import History, Row, median
 from granpinn.training.objective import Objective
 from granpinn.training.parallel import Processes
 from granpinn.training.progress import LAST_LAYER, Progress
 from granpinn.training.schedule import Schedule
-from granpinn.training.state import RunState
 from granpinn.training.trainer import Trainer
 
 UNLIMITED = 2**53  # steps

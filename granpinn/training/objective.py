@@ -2,6 +2,10 @@
 
 A training run has E >= 1 members: networks of one shape that are trained side by side, each with
 its own seed and its own problem. The data of all lie one after another on the device.
+
+The points of a step are a pure function of (seed, step), without a state to save: Philox4x32-10 in
+C++ (csrc/math/philox.h), the same bits on every device. They are drawn with replacement; the
+streams of interior and surface points are independent.
 """
 
 from __future__ import annotations
@@ -15,13 +19,23 @@ from torch import Tensor
 
 from granpinn.config import Batch, ConfigError
 from granpinn.data import Flow, TrainingSet
+from granpinn.kernels import ops
 from granpinn.kernels.step_ops import Draw
 from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.terms import LossPoints
-from granpinn.training.control_table import ControlTable
 from granpinn.training.operators import operators_of
 from granpinn.training.problem import Problem
-from granpinn.training.sampling import MISFIT, draw
+from granpinn.training.schedule import ControlTable
+
+INTERIOR, SURFACE, MISFIT, LAST_LAYER = 0, 1, 2, 3  # streams; the last layer uses 3, 4 and 5
+
+
+def draw(seed: int, step: int, stream: int, count: int, points: Tensor) -> Tensor:
+    """Indices int64 [count] into points [N, ...], on their device; none if there are no points."""
+    if len(points) == 0:
+        return points.new_empty(0, dtype=torch.int64)
+    return ops.sample_indices(seed, step, stream, count, len(points), points.device)
+
 
 MISFIT_POINTS = 32768
 

@@ -15,8 +15,8 @@ from torch import Tensor
 
 from granpinn.config import Optimizer
 from granpinn.kernels.network import layer_offsets
-from granpinn.training.control_table import ControlTable
 from granpinn.training.law_variables import LawVariables
+from granpinn.training.schedule import ControlTable
 
 BETA_1 = 0.9
 

@@ -1,5 +1,4 @@
-"""The progress of a run: a bar in a terminal or a notebook, plain lines elsewhere, events for
-TensorBoard.
+"""The progress of a run: a bar in a terminal or a notebook, plain lines elsewhere.
 
 A run calls its listener: `plan`, `start`, then `show` for every row of the history, `stop`; then
 `stage` for everything that follows, and `stop` again.
@@ -12,11 +11,8 @@ import sys
 import time
 from collections.abc import Sequence
 from html import escape
-from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
-from granpinn.config import ConfigError
-from granpinn.output import naming
 from granpinn.physics.terms import TERMS
 from granpinn.terminal import visible
 from granpinn.training.history import Row
@@ -268,52 +264,6 @@ class Notebook(Shown):
         line = self.line
         bar = f'<progress value="{self.done:.3f}" max="1"></progress>'
         return {"text/plain": line, "text/html": f"{bar} {escape(line)}"}
-
-
-class TensorBoard(Silent):
-    """Writes events for TensorBoard, if it is installed, and calls the listener `inner` too."""
-
-    def __init__(self, folder: Path, inner: Progress) -> None:
-        try:
-            from torch.utils.tensorboard import SummaryWriter
-        except ImportError:
-            raise ConfigError(
-                "--tensorboard needs the package tensorboard: pip install granpinn[tensorboard]"
-            ) from None
-        self.make_writer: Any = SummaryWriter
-        self.writer: Any = None
-        self.folder = folder / "tensorboard"
-        self.inner = inner
-
-    def start(self, total: int, done: int) -> None:
-        with naming(self.folder):
-            self.writer = self.make_writer(str(self.folder))
-        self.inner.start(total, done)
-
-    def total(self, steps: int) -> None:
-        self.inner.total(steps)
-
-    def show(self, row: Row) -> None:
-        with naming(self.folder):
-            for name, value in row.values().items():
-                if name != "step" and math.isfinite(value):
-                    self.writer.add_scalar(name, value, row.step)
-        self.inner.show(row)
-
-    def plan(self, stages: Sequence[Stage], until: float | None, members: int) -> None:
-        self.inner.plan(stages, until, members)
-
-    def stage(self, name: str) -> None:
-        self.inner.stage(name)
-
-    def message(self, text: str) -> None:
-        self.inner.message(text)
-
-    def stop(self) -> None:
-        if self.writer is not None:
-            with naming(self.folder):
-                self.writer.close()
-        self.inner.stop()
 
 
 def automatic(last: Sequence[Stage] = ()) -> Progress:

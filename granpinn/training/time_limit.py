@@ -32,7 +32,7 @@ class Limit(NamedTuple):
     Attributes:
         until: value of time.monotonic() at the end of the run.
         seconds: of the whole run.
-        later: seconds for more training (continuation.py).
+        later: seconds for more training (uncertainty/sensitivity.py).
         steps: so many steps take as long as the steps in the last layer, which come next.
         after: seconds for everything else, at a pace of `members` * `PACE`.
         members: trained side by side.

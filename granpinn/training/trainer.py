@@ -17,18 +17,16 @@ from torch import Tensor
 
 from granpinn.config import Config
 from granpinn.kernels.network import initial_parameters
-from granpinn.training.control_table import ControlTable, Position
+from granpinn.training.checkpoint import TrainingState
 from granpinn.training.graphs import Graphs
 from granpinn.training.guard import NonFiniteError, require_finite_members
 from granpinn.training.history import Row
-from granpinn.training.last_layer import last_layer
+from granpinn.training.last_layer import last_layer, mean_length
 from granpinn.training.law_variables import LawVariables
-from granpinn.training.mean_rate import mean_length
 from granpinn.training.objective import Evaluation, Member, Objective
 from granpinn.training.optimise import BatchOptimizer
 from granpinn.training.parallel import Processes
-from granpinn.training.schedule import Schedule
-from granpinn.training.state import TrainingState
+from granpinn.training.schedule import ControlTable, Position, Schedule
 
 ROLLBACK = 0.5  # factor on every learning rate of a member after a rollback
 

@@ -1,8 +1,8 @@
 """Error bars, and which law the data support. In reading order:
 
 error_model (of an identified mu(I)), sensitivity (to what the data do not contain), error_bars
-(center of an ensemble, its error bars, or why it has none), determined (by the range of I), curve
-(of the law, with its band), free_curve and law_choice (the comparison of laws), unknown_I0.
+(center of an ensemble, its error bars, or why it has none), determined (by the range of I, with the
+curve of the law and its band), law_choice (the comparison of laws), unknown_I0.
 
 Error bars exist for mu(I) only. With another law, a result has values without error bars. Whether
 numbers may be used is said in granpinn/results/assessment.py.

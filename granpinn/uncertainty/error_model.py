@@ -46,7 +46,7 @@ from scipy.linalg import block_diag
 
 from granpinn.arrays import Float64
 from granpinn.results.decoding import decode
-from granpinn.results.named import require_names
+from granpinn.results.parameters import require_names
 
 Pair = tuple[float, float]
 

@@ -5,13 +5,8 @@ inertial numbers, evenly in log I over the range of the data,
 
 $$ \chi^2 = (\mu(\theta) - m)^T C^{-1} (\mu(\theta) - m) + \text{prior of } I_0, $$
 
-with the covariance C of free_curve.py. $I_0$ is free here, with a prior of 40 % around its usual
+with the covariance C of the curve. $I_0$ is free here, with a prior of 40 % around its usual
 value: the range of I of one flow rarely tells it.
-
-**Score.** A block of time is left out, the free curve and the fit follow the others, and the loss
-of that block at this fit counts as a log likelihood. The score of a law is the sum over the
-blocks, relative to that of the law with the least $\chi^2$. Points of one block are neighbors, so
-random points would be no test.
 
 **Told apart.** Two laws are told apart where their curves differ by more than 95 % of the errors of
 the free curve, and their $\chi^2$ by more than `CLEAR`. Of the laws that are
@@ -20,6 +15,16 @@ not told apart from the nearest one, that with the fewest parameters is chosen.
 **Cohesion** is no part of a curve mu(I). It comes from a training of its own, with its error from
 the same sums; the law `cohesive` is told from the others where c is significant. Then the free
 curve, which has no cohesion, means nothing, and no other law is left.
+
+**The free curve.** Its coefficients c come from a training. Their covariance is
+
+$$ C = V + D, \qquad V = H^{-1} \Big( \sum_B s_B s_B^T \Big) H^{-1}: $$
+
+V holds the residuals, with the scores s_B of boxes in space and time that count as independent (the
+sandwich of White, Econometrica 48, 1980). Boxes of several sizes are tried; the largest V counts. D
+is the further error of simulated flows with known laws, that of mu(I) at both ends of the range of
+I times a factor, and the departure of real grains (error_model.py); between the ends the error of
+log mu is linear in log I.
 """
 
 from __future__ import annotations
@@ -27,17 +32,84 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy  # loads scipy.optimize at its first use
 
 from granpinn.arrays import Float64
 from granpinn.physics.laws import LAWS, FrictionLaw, LawParameter, cohesive, free, mu_of_i
-from granpinn.results.compared_law import ComparedLaw
 from granpinn.results.parameters import Parameter, Parameters
-from granpinn.results.summary import NORMAL_90
-from granpinn.uncertainty.curve import POINTS
-from granpinn.uncertainty.free_curve import N, Quadratic, basis
+from granpinn.results.records import ComparedLaw
+from granpinn.results.result import NORMAL_90
+from granpinn.training.information import BOXES, Information
+
+N = free.COEFFICIENTS
+SHAPES = ((4, 4, 8), (2, 2, 4), (4, 4, 4), (8, 8, 8))  # boxes along x, y and t
+
+
+class Quadratic(NamedTuple):
+    """The least loss of a law: its L free parameters, and their covariance V [L, L]."""
+
+    center: Float64
+    covariance: Float64
+
+
+def quadratic(found: Information, L: int) -> Quadratic | None:
+    """The least loss in the first L free parameters; None where the data do not determine them.
+
+    The trained parameters are taken as the least: one more step of Gauss and Newton from there
+    would follow the noise of the training.
+    """
+    scores = found.scores[:, :L].cpu().numpy()
+    information = found.information[:, :L, :L].cpu().numpy()
+    center = found.free[:L].cpu().numpy()
+    H = information.sum(0) + found.prior[:L, :L].cpu().numpy()
+    H += 1e-12 * np.trace(H) * np.eye(L)
+    if not (np.isfinite(H).all() and np.isfinite(scores).all() and np.linalg.eigvalsh(H)[0] > 0):
+        return None
+    scores = scores - information @ np.linalg.solve(H, scores.sum(0))
+    covariance, largest = np.zeros((L, L)), 0.0
+    for shape in SHAPES:
+        influence = np.linalg.solve(H, joined(scores, shape).T)
+        V = influence @ influence.T
+        size = float(np.trace(H @ V))
+        if size > largest:
+            covariance, largest = V, size
+    return Quadratic(center, covariance) if largest > 0 else None
+
+
+def joined(values: Float64, shape: tuple[int, int, int]) -> Float64:
+    """Sums [B, L] over larger boxes, of the values of all boxes [BOXES^3, L]."""
+    a, b, c = (BOXES // n for n in shape)
+    cube = values.reshape(shape[0], a, shape[1], b, shape[2], c, -1)
+    return np.asarray(cube.sum((1, 3, 5)).reshape(np.prod(shape), -1))
+
+
+def basis(I: Float64, I_low: float, I_high: float) -> Float64:
+    """mu of each coefficient at every I [n, N]."""
+    columns = [free.friction(I, *row, I_low, I_high) for row in np.eye(N)]
+    return np.stack(columns, axis=1)
+
+
+def model_covariance(
+    I: Float64,
+    mu: Float64,
+    I_range: tuple[float, float],
+    of_ends: Float64,
+) -> Float64:
+    """D at every I [n, n], beyond the residuals.
+
+    Args:
+        mu: friction there [n].
+        I_range: of the flow, 5th and 95th percentile.
+        of_ends: covariance of log mu at both ends of that range [2, 2].
+    """
+    low, high = np.log(I_range)
+    part = np.clip((np.log(I) - low) / (high - low), 0, 1)
+    J = mu[:, None] * np.stack([1 - part, part], axis=1)
+    return np.asarray(J @ of_ends @ J.T)
+
 
 CLEAR = 4.0  # difference of chi^2: two standard deviations
 I0_SPREAD = 0.4  # of ln I0
@@ -73,7 +145,6 @@ class Fit:
         std: standard deviations of ln theta of the free ones, by name; none of a free curve.
         mu: its curve at the I of the band.
         chi2: distance from the free curve.
-        score: log likelihood of blocks of time that were left out.
     """
 
     law: FrictionLaw
@@ -81,7 +152,6 @@ class Fit:
     std: dict[str, float]
     mu: Float64
     chi2: float
-    score: float
 
     @property
     def unknowns(self) -> int:
@@ -117,10 +187,9 @@ class Fitter:
     def curve(self, z: Float64, I: Float64) -> Float64:
         return np.broadcast_to(self.law.friction(I, *self.theta(z)), I.shape)
 
-    def fit(self, m: Float64, start: Float64 | None = None) -> tuple[Float64, Float64, float]:
-        """z, its covariance, and chi^2, for a free curve m [N]; the search begins at `start`."""
+    def fit(self, m: Float64) -> tuple[Float64, Float64, float]:
+        """z, its covariance, and chi^2, for a free curve m [N]."""
         usual = np.log([self._usual(name, m) for name in self.names])
-        first = usual if start is None else start
 
         def residuals(z: Float64) -> Float64:
             priors = [
@@ -132,7 +201,7 @@ class Fitter:
 
         own = np.log([self.law.parameter(name).bounds for name in self.names])
         bounds = np.minimum(usual - REACH, own[:, 0]), np.maximum(usual + REACH, own[:, 1])
-        found = scipy.optimize.least_squares(residuals, np.clip(first, *bounds), bounds=bounds)
+        found = scipy.optimize.least_squares(residuals, np.clip(usual, *bounds), bounds=bounds)
         normal = found.jac.T @ found.jac
         # a direction that no data determine is as uncertain as the reach of the search
         covariance = np.linalg.inv(normal + REACH**-2 * np.eye(len(normal)))
@@ -167,24 +236,15 @@ def fits(
     B = basis(I, *ends)
     variances, directions = np.linalg.eigh(covariance)
     root = (directions / np.sqrt(np.maximum(variances, SINGULAR * variances[-1]))).T
-    left = [curve.without(k) for k in range(len(curve.scores))]
-    own = -sum(curve.loss(k, at) for k, at in enumerate(left))
-    values = tuple(curve.center.tolist())
-    made = [Fit(free.LAW, (*values, *ends), {}, band.mu, 0.0, own)]
-    wide = np.geomspace(*ends, POINTS)
-    back = np.linalg.pinv(basis(wide, *ends), rcond=1e-6)
+    made = [Fit(free.LAW, (*curve.center.tolist(), *ends), {}, band.mu, 0.0)]
     for law in LAWS.values():
         if law.curve or law.cohesion or not law.compiled:
             continue
         fitter = Fitter(law, fixed.get(law.name, {}), I, root)
         z, spread, chi2 = fitter.fit(B @ curve.center)
-        score = 0.0
-        for k, at in enumerate(left):
-            other, *_ = fitter.fit(B @ at, z)
-            score -= curve.loss(k, back @ fitter.curve(other, wide))
         std = dict(zip(fitter.names, np.sqrt(np.diag(spread)).tolist(), strict=True))
         theta = tuple(fitter.theta(z))
-        made.append(Fit(law, theta, std, fitter.curve(z, band.I), chi2, score))
+        made.append(Fit(law, theta, std, fitter.curve(z, band.I), chi2))
     return made
 
 
@@ -215,7 +275,6 @@ def choice(found: Sequence[Fit], band: CurveBand) -> tuple[tuple[ComparedLaw, ..
         ComparedLaw(
             fit.law.name,
             parameters(fit),
-            fit.score - best.score,
             tuple(o.law.name for o in found if o is not fit and not apart(o, fit, band)),
         )
         for fit in sorted(found, key=lambda fit: fit is not chosen)
@@ -232,14 +291,12 @@ class Cohesion:
         c: the cohesion, in the unit of the pressure of the file.
         least: its standard deviation if there is none.
         std: its standard deviation.
-        gain: log likelihood by which c explains the data better than no cohesion.
     """
 
     values: Parameters
     c: float
     least: float
     std: float
-    gain: float
 
     @property
     def sure(self) -> bool:
@@ -264,15 +321,14 @@ def with_cohesion(
     """The records with the law `cohesive`, and the chosen law."""
     own = cohesive.LAW.name
     if found.sure:
-        others = (replace(r, score=r.score - found.gain) for r in records)
-        return (ComparedLaw(own, found.parameters, 0.0), *others), own
+        return (ComparedLaw(own, found.parameters), *records), own
     base = next(r for r in records if r.law == mu_of_i.LAW.name)
     alike = (base.law, *base.not_told_apart_from)
     made = [
         replace(r, not_told_apart_from=(*r.not_told_apart_from, own)) if r.law in alike else r
         for r in records
     ]
-    return (*made, ComparedLaw(own, found.parameters, base.score, alike)), chosen
+    return (*made, ComparedLaw(own, found.parameters, alike)), chosen
 
 
 def parameters(fit: Fit) -> Parameters:

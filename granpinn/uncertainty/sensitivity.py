@@ -2,13 +2,18 @@ r"""What an uncertain assumption does to the parameters of the law.
 
 An assumption is a number a that the data do not contain, such as the offset of the surface line. It
 has a prior with the standard deviation $\sigma_a$. Two copies of the trained network go on training
-with a one standard deviation lower and higher (granpinn/training/continuation.py). Then
+with a one standard deviation lower and higher. Then
 
 $$ \frac{d\theta}{da} = \frac{\theta(a + \sigma_a) - \theta(a - \sigma_a)}{2 \sigma_a}, \qquad
    C \leftarrow C + \sigma_a^2 \frac{d\theta}{da} \frac{d\theta}{da}^T . $$
 
 The step is the standard deviation itself, because the effect is not linear: a line inside the
 grains forces the pressure to zero where there is none outside.
+
+The last layer alone is too stiff for this: its hidden layers have learned where the old data put
+the pressure zero. So copies of a network train on with all layers, at the learning rates of the
+second half of the schedule (bench/studies/assumptions/note.md). Copies with the same seed draw the
+same points, and the scatter of their training cancels in a difference.
 """
 
 from __future__ import annotations
@@ -18,12 +23,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from torch import Tensor
 
 from granpinn.arrays import Float64
 from granpinn.physics.laws import FrictionLaw
-from granpinn.results.assumed import Assumed
-from granpinn.training.continuation import MOST_STEPS, continued
-from granpinn.training.objective import Member
+from granpinn.results.records import Assumed
+from granpinn.training.guard import NonFiniteError
+from granpinn.training.objective import Member, Objective
+from granpinn.training.room import require_room
+from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
 
 DIVERGED = "a training with the assumption changed diverged"
@@ -128,3 +136,40 @@ def _assumed(
     derivative = {name: float(slope[k]) for name, k in places.items()}
     percent = {name: float(100 * slope[k] * a.change / value[k]) for name, k in places.items()}
     return Assumed(a.name, a.unit, a.sd, derivative, a.example, percent)
+
+
+BEGIN = 0.5  # place in the schedule whose learning rates the copies begin with
+PART, MOST_STEPS = 0.2, 2000  # of the steps of the training, and at most so many
+
+
+def continued(
+    trainer: Trainer, copies: Sequence[tuple[int, Member]], most: int = MOST_STEPS
+) -> list[Tensor | None]:
+    """theta [N] of copies of finished members after more training; None if a copy diverged.
+
+    Args:
+        trainer: of the finished training; it stays as it is.
+        copies: number of a member of it, and the problem and data with which its copy goes on.
+        most: steps.
+    """
+    config, device = trainer.config, trainer.params.device
+    members = [member for _, member in copies]
+    require_room(members, config, device)
+    objective = Objective(members, config.batch, device, precision=config.precision)
+    begin = max(BEGIN, config.optimizer.prefit)
+    steps = max(1, min(most, round(PART * trainer.step)))
+    schedule = Schedule(steps, config.optimizer, from_progress=begin)
+    copy = Trainer(objective, schedule, config)
+    for name, tensor in copy.tensors().items():
+        for i, (e, _) in enumerate(copies):
+            state = trainer.tensors()[name][e]
+            tensor[i].copy_(state[: len(tensor[i])])  # N of the laws of the copies may be less
+    copy.misfit = [trainer.misfit[e] for e, _ in copies]
+    copy.remember()
+    while not copy.finished:
+        try:
+            copy.advance()
+        except NonFiniteError as error:
+            copy.give_up(error.members)
+    copy.solve_last_layer()
+    return [None if i in copy.diverged else copy.solution(i)[1] for i in range(len(copies))]

@@ -23,7 +23,7 @@ from scipy.special import ndtr
 
 from granpinn.arrays import Float64
 from granpinn.results import Parameter, Parameters, Result
-from granpinn.results.summary import NORMAL_90
+from granpinn.results.result import NORMAL_90
 from granpinn.uncertainty.error_model import ends_of, line
 
 TAIL = 0.05  # of a mixture, at either side of its 90 % interval

@@ -98,12 +98,12 @@ def test_one_file_is_enough(
 
 
 def test_a_check_that_is_not_there_is_refused(flow: Flow, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="checks must be words of none, quick, all, bootstrap,"):
+    with pytest.raises(ConfigError, match="checks must be words of none, quick, all, compar"):
         identify(flow, tiny(checks="largest_speed"))
     identify(flow, tiny(checks="none"), run_dir=tmp_path)
     path = tmp_path / "results.json"
     path.write_text(path.read_text().replace('"checks": {}', '"checks": {"os": {}}'))
-    with pytest.raises(ResultsFileError, match="checks.os is not known; expected bootstrap,"):
+    with pytest.raises(ResultsFileError, match="checks.os is not known; expected comparison"):
         read_results(path)
 
 
@@ -113,8 +113,8 @@ def test_a_check_that_is_not_there_is_refused(flow: Flow, tmp_path: Path) -> Non
         ({}, {"momentum_balance", "simulated_pressure"}),
         ({"checks": "none"}, set()),
         ({"checks": "none", "resimulate": True}, {"resimulation", "simulator_fit"}),
-        ({"checks": "bootstrap"}, {"bootstrap"}),
-        ({"checks": "quick,bootstrap"}, {"momentum_balance", "simulated_pressure", "bootstrap"}),
+        ({"checks": "simulator_fit"}, {"simulator_fit"}),
+        ({"checks": "quick,shared_law"}, {"momentum_balance", "simulated_pressure", "shared_law"}),
     ],
 )
 def test_the_settings_say_which_checks_are_made(

@@ -14,10 +14,10 @@ from granpinn.errors import CannotGoOn
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import Covariance, Parameters, Result
 from granpinn.results.assessment import Assessment
-from granpinn.results.flow_of_law import FlowOfLaw
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import CARE, GOOD
 from granpinn.results.records import ErrorBars, Members
+from granpinn.results.result import FlowOfLaw
 from granpinn.uncertainty.error_model import Known, ends_of, load
 from tests.examples import make_result
 

@@ -15,10 +15,9 @@ from granpinn.checks import simulator_fit
 from granpinn.checks.simulator_fit import SimulatorFit, fit
 from granpinn.data import Flow, add_noise
 from granpinn.results.decoding import decode
-from granpinn.second_opinion import law_runs
-from granpinn.second_opinion.law_runs import LawRuns
-from granpinn.second_opinion.scenes import GrainColumn, initial_column
-from granpinn.simulation import Collapse, simulate
+from granpinn.simulation import Collapse, law_runs, simulate
+from granpinn.simulation.law_runs import LawRuns
+from granpinn.simulation.likeness import GrainColumn, initial_column
 
 LAW = (0.4, 0.64)
 

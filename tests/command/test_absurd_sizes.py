@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from granpinn import results
+from granpinn.checks import simulated_pressure
 from granpinn.checks.resimulation import resimulate
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import LAWS
-from granpinn.second_opinion import simulated_pressure
 from tests.command.test_results_first import raising, run
 
 # What a file may say about its box, with the unit of another length or none at all.

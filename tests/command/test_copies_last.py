@@ -12,7 +12,6 @@ import pytest
 from granpinn import identify, results
 from granpinn.identification.answer import ASSUMPTIONS, CURVE
 from granpinn.results.attempt import PENDING
-from granpinn.training import continuation
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars, sensitivity
 from tests.command.late_parts import FILES, missing, raising, run
@@ -70,7 +69,7 @@ def test_ctrl_c_in_the_copies_stops_and_resume_makes_the_rest(
     flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert run(flow_file, "--out", tmp_path / "whole") == 0
-    real = continuation.Trainer.advance
+    real = sensitivity.Trainer.advance
 
     def interrupted(trainer: Trainer) -> None:
         real(trainer)
@@ -78,7 +77,7 @@ def test_ctrl_c_in_the_copies_stops_and_resume_makes_the_rest(
             os.kill(os.getpid(), signal.SIGINT)
 
     with monkeypatch.context() as patch:
-        patch.setattr(continuation.Trainer, "advance", interrupted)
+        patch.setattr(sensitivity.Trainer, "advance", interrupted)
         assert run(flow_file, "--out", tmp_path / "run") == 130
     left = results.read_results(tmp_path / "run" / "results.json")
     assert missing(left) == dict.fromkeys(LATE, PENDING)

@@ -15,10 +15,19 @@ from granpinn.physics.laws import LAWS
 from granpinn.training.history import columns
 
 COMMANDS = ("inspect", "simulate", "train")
+
+
 inspect, simulate, train = (import_module(f"granpinn.commands.{name}") for name in COMMANDS)
+
+
 SMALL = ("--steps", "50", "--network.widths", "16,16", "--batch.interior", "64")
+
+
 CELLS = ("--resimulation.cells", "32", "--simulated_pressure.cells", "32")
+
+
 COLUMN = ("--cells", "64", "--height", "1", "--aspect", "1", "--t-end", "1", "--frames", "12")
+
 
 Simulate = Callable[[str], Path]
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from granpinn import identify, identify_many, results
-from granpinn.checks import bootstrap, profile_of_I0
+from granpinn.checks import simulated_pressure
 from granpinn.checks import simulated_pressure as pressure_check
 from granpinn.data import Flow
 from granpinn.errors import Interrupted
@@ -16,12 +16,13 @@ from granpinn.fit import prediction
 from granpinn.identification.answer import ASSUMPTIONS, CURVE, FIELDS
 from granpinn.output import OutputError
 from granpinn.results.attempt import PENDING, attempt
-from granpinn.second_opinion import simulated_pressure
 from granpinn.simulation import SimulationError
 from tests.command.late_parts import FILES, missing, raising, run
 from tests.runs import tiny
 
 PRESSURE = "simulated_pressure"
+
+
 STAGE_ERRORS = [
     MemoryError("Unable to allocate 31 GiB"),
     SimulationError("the pressure did not converge"),
@@ -128,17 +129,6 @@ def test_fields_that_cannot_be_made_leave_the_values(
     result = results.read_results(tmp_path / "run" / "results.json")
     assert result.parameters.mu_s.value > 0
     assert result.loss is not None
-
-
-@pytest.mark.usefixtures("no_report")
-def test_a_kill_in_simulated_flows_leaves_them_pending(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(profile_of_I0, "profile_I0", raising(KeyError("a bug")))
-    monkeypatch.setattr(bootstrap, "bootstrap", raising(KeyboardInterrupt()))
-    assert run(flow_file, "--out", tmp_path / "run", "--free-I0", "--calibrate") == 130
-    result = results.read_results(tmp_path / "run" / "results.json")
-    assert missing(result) == {"bootstrap": PENDING, "profile_of_I0": "KeyError: 'a bug'"}
 
 
 def test_a_member_of_a_batch_fails_alone(

@@ -24,6 +24,8 @@ from granpinn.training.guard import NonFiniteError
 from tests.flows import make_flow
 
 FLAGS = ["--steps", "6", "--log-every", "2", "--network.widths", "6,5", "--batch.interior", "16"]
+
+
 FLAGS += ["--simulated_pressure.frames", "2"]
 
 

@@ -15,12 +15,14 @@ from granpinn.commands import collect, convert, inspect, report, tables, train
 from granpinn.config import ConfigError
 from granpinn.config.values import convert as value_of
 from granpinn.data import write_flow
-from granpinn.results.results_csv import write_csv
+from granpinn.results.results_file import write_csv
 from granpinn.terminal import visible
 from tests.examples import make_result
 from tests.flows import make_flow
 
 HOSTILE = "a\x1b[2J\x07\u202eb"
+
+
 ESCAPED = r"a\x1b[2J\x07\u202eb"
 
 

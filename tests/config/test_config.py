@@ -31,7 +31,7 @@ def test_the_paper_recipe_is_the_section_training_of_the_paper() -> None:
     assert paper.optimizer.method == "adam"
     assert paper.optimizer.learning_rate == 5e-4
     assert paper.optimizer.learning_rate * paper.optimizer.final_fraction == pytest.approx(1e-5)
-    assert paper.rheology == Rheology(variables="sigmoid", start=None, random_start=True)
+    assert paper.rheology == Rheology(variables="sigmoid", random_start=True)
     assert paper.optimizer.prefit == 0
     assert paper.side_walls.friction == 0
     assert {paper.weights.sigma(term.name) for term in TERMS} == {1.0}
@@ -117,13 +117,6 @@ BAD = {
     "flag": ({"max_time": 0.5}, "max_time must be in [1, 1e+09], got 0.5"),
     "not finite": ({"I0": math.inf}, "I0 must be positive and at most 1e+30, got inf"),
     "underflow": ({"rheology.p_floor": 1e-40}, "rheology.p_floor must be positive"),
-    "too few starts": ({"rheology.start": (0.3,)}, "one value for each free parameter"),
-    "start of another law": (
-        {"law": "coulomb", "rheology.start": (0.3, 0.6)},
-        "of the law coulomb, mu_s, got 0.3,0.6",
-    ),
-    "order": ({"rheology.start": (0.7, 0.6)}, "mu_2 must be larger than mu_s, got 0.7,0.6"),
-    "negative start": ({"rheology.start": (-0.1, 0.6)}, "rheology.start must be positive"),
 }
 
 
@@ -158,10 +151,10 @@ def test_the_identity_has_every_setting_but_the_free_ones() -> None:
     missing = flatten(Config()).keys() - identity(Config()).keys()
     after_training = {
         *("free_I0", "profile.values", "profile.reach", "profile.seeds", "profile.law_accuracy"),
-        *("resimulate", "resimulation.cells", "calibrate", "calibration.flows"),
+        *("resimulate", "resimulation.cells"),
         *("simulated_pressure.frames", "simulated_pressure.cells", "side_walls.friction_sd"),
     }
     assert missing == after_training | {
         *("flow", "further_flows", "out", "checks", "resume"),
-        *("tensorboard", "checkpoint_every", "max_time"),
+        *("checkpoint_every", "max_time"),
     }

@@ -22,8 +22,8 @@ REQUIRED = ["flow.h5", "--out", "run"]
 
 @pytest.mark.parametrize("recipe", RECIPES)
 def test_a_config_survives_toml_exactly(recipe: str, tmp_path: Path) -> None:
-    changes = {"weights.sigma_surface": float("inf"), "rheology.start": (0.25, 0.5)}
-    config = Config(recipe=recipe, flow='a "b" ü\\.h5', out="x", **changes)
+    changes = {"weights.sigma_surface": float("inf"), "rheology.fix": ("n=0.5",)}
+    config = Config(recipe=recipe, law="power", flow='a "b" ü\\.h5', out="x", **changes)
     path = tmp_path / "config.toml"
     path.write_text(to_toml(config), encoding="utf-8")
     assert Config(**read_toml(path)) == config
@@ -37,16 +37,14 @@ def test_a_config_survives_toml_exactly(recipe: str, tmp_path: Path) -> None:
     st.floats(1e-9, 1e9),
     st.integers(0, 2**63 - 1),
     st.lists(st.integers(1, 999), min_size=1),
-    st.floats(0.01, 0.4),
 )
 def test_any_number_survives_toml_and_flags(
-    tmp_path: Path, sigma: float, seed: int, widths: list[int], mu_s: float
+    tmp_path: Path, sigma: float, seed: int, widths: list[int]
 ) -> None:
     config = Config(
         weights__sigma_momentum=sigma,
         seed=seed,
         network__widths=tuple(widths),
-        rheology__start=(mu_s, 2 * mu_s),
         flow="f",
         out="o",
     )
@@ -55,7 +53,6 @@ def test_any_number_survives_toml_and_flags(
     assert Config(**read_toml(path)) == config
     text = ",".join(map(str, widths))
     flags = [f"--weights.sigma_momentum={sigma!r}", f"--seed={seed}", f"--network.widths={text}"]
-    flags.append(f"--rheology.start={mu_s!r},{2 * mu_s!r}")
     assert parse(["f", "--out", "o", *flags]).config == config
 
 
@@ -69,7 +66,7 @@ def test_every_setting_is_a_flag_with_a_sentence(capsys: pytest.CaptureFixture[s
     assert "FLOW" in text
     assert "granpinn train collapse.h5 --out run" in text
     assert f"--law {{{','.join(LAWS)}}}" in text
-    assert "--rheology.start X,X,..." in text
+    assert "--rheology.fix NAME=X,..." in text
 
 
 def test_flags_win_over_the_file_and_the_file_over_the_recipe(tmp_path: Path) -> None:
@@ -132,14 +129,6 @@ BAD = {
         "--network.widths must be in [1, 65536], got 8, 0",
     ),
     "widths words": ([*REQUIRED, "--network.widths", "a"], "whole number, got 'a'"),
-    "order": ([*REQUIRED, "--rheology.start", "0.7,0.6"], "mu_2 must be larger"),
-    "one start": ([*REQUIRED, "--rheology.start", "0.7"], "one value for each free parameter"),
-    "start words": ([*REQUIRED, "--rheology.start", "0.7,a"], "must be a number, got 'a'"),
-    "sigmoid": (
-        [*REQUIRED, "--rheology.variables", "sigmoid", "--rheology.start", "0.3,1.5"],
-        "below 1 for a sigmoid",
-    ),
-    "exponential": ([*REQUIRED, "--optimizer.decay", "exponential"], "must be positive"),
     "endless": ([*REQUIRED, "--steps", "none"], "--max-time"),
     "no such file": ([*REQUIRED, "--config", "no.toml"], "no.toml does not exist"),
     "seed": ([*REQUIRED, "--seed", "-1"], "--seed must be"),
@@ -167,7 +156,6 @@ def test_a_bad_command_line_is_refused_in_one_sentence(case: str) -> None:
         ("flow = 1", "flow must be text, got 1"),
         ("I0 = true", "I0 must be a number, got True"),
         ("[network]\nwidths = 3", "whole numbers separated by commas, such as 128,128, got 3"),
-        ("[rheology]\nstart = 3", "numbers separated by commas, such as 0.3,0.6, got 3"),
         ("level = 1", "level must be one of V0, V1, V2, got 1"),
     ],
 )

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from granpinn.figures import curves
-from granpinn.results import Covariance, Result, summary
-from granpinn.uncertainty.curve import with_curve
+from granpinn.results import Covariance, Result
+from granpinn.results.result import friction_sd
+from granpinn.uncertainty.determined import with_curve
 from tests.figures.drawn import labels, line, xy
 from tests.run_folder import Array, Contents
 
@@ -92,5 +93,5 @@ def test_the_sd_of_the_law_is_first_order_in_all_three_parameters(result: Result
     J = np.stack([(mu(values + h) - mu(values - h)) / 2e-6 for h in step])
     order = [2, 0, 1]
     covariance = Covariance(("I0", "mu_s", "mu_2"), tuple(map(tuple, matrix[order][:, order])))
-    sd = summary.friction_sd(I, result, covariance)
+    sd = friction_sd(I, result, covariance)
     np.testing.assert_allclose(sd, np.sqrt(np.einsum("in,ij,jn->n", J, matrix, J)), rtol=1e-6)

@@ -1,4 +1,4 @@
-"""Maps and profiles of one time show the values of the fields, at their place, in their unit."""
+"""Maps of one time show the values of the fields, at their place, in their unit."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from granpinn.figures import maps, profiles, residual, style
+from granpinn.figures import maps, style
 from granpinn.results import Fields
 from granpinn.results.fields import Units
 from tests.figures.drawn import shares
 from tests.run_folder import Array, Contents, with_values
 
 K = 8
+
+
 SIMULATED = 7  # a frame with a simulated pressure
 
 
@@ -100,7 +102,7 @@ def test_grains_of_every_shape_fit_their_figure(
     first, second = (axes.get_position() for axes in speed.axes[:2])
     stacked = first.y0 > second.y1
     assert stacked == (maps.aspect_of(fields, maps.grain_window(fields, K)) < maps.WIDE)
-    style.save(residual.momentum_residual(fields, K).figure, tmp_path / "residual.png")
+    style.save(maps.momentum_residual(fields, K).figure, tmp_path / "residual.png")
 
 
 def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
@@ -113,7 +115,7 @@ def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
         momentum_residual_y=np.where(rest, 0, -0.8 * size),
         D2=np.where(rest, 0.0, 1e3),
     )
-    drawing = residual.momentum_residual(fields, K)
+    drawing = maps.momentum_residual(fields, K)
     field_map, histogram = drawing.figure.axes[:2]
     now = fields.time_of_points() == fields.t[K]
     grey, colored = (m for m in field_map.collections if isinstance(m, QuadMesh))
@@ -125,18 +127,3 @@ def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
     median, high = (np.asarray(found.get_xdata(), float)[0] for found in histogram.lines)
     assert median == pytest.approx(0.1, rel=0.02)
     assert (size < high).mean() == pytest.approx(0.95, abs=1e-3)
-
-
-def test_profiles_show_rows_of_the_fields(fields: Fields) -> None:
-    outline, speed, pressure, difference = profiles.profiles(fields, K).figure.axes
-    u, v, p = (fields.frame(name, K) for name in ("u", "v", "p"))
-    known = fields.frame("p_reference", K)
-    for i, row in enumerate(profiles.profile_rows(fields, K)):
-        (y,) = set(np.asarray(outline.lines[i].get_ydata()))
-        assert y == fields.y[row]
-        # a line of predicted values, then its dots
-        for axes, values in ((speed, np.hypot(u, v)), (pressure, p)):
-            np.testing.assert_array_equal(axes.lines[2 * i].get_ydata(), values[row])
-        np.testing.assert_array_equal(pressure.lines[2 * i + 1].get_ydata(), known[row])
-        percent = 100 * (p - known)[row] / np.nanmax(known)
-        np.testing.assert_allclose(difference.lines[i].get_ydata(), percent, rtol=1e-5)

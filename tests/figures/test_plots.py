@@ -24,13 +24,10 @@ def test_the_histogram_of_I_counts_every_grain_point_after_the_start(
     K = contents.fields.index.size
     I = np.geomspace(2e-4, 5, K)
     fields = with_values(contents.fields, I=I, D2=np.where(np.arange(K) < K // 4, 1e3, 0))
-    for axes in (
-        curves.inertial_number(result, fields).figure.axes[0],
-        curves.friction_law(result, fields).figure.axes[1],
-    ):
-        assert shares(axes).sum() == pytest.approx(1)
-        flowing = np.asarray(axes.patches[-1].get_path().vertices)[:, 1]
-        assert 0 < flowing.max() <= shares(axes).max() * (1 + 1e-12)
+    axes = curves.friction_law(result, fields).figure.axes[1]
+    assert shares(axes).sum() == pytest.approx(1)
+    flowing = np.asarray(axes.patches[-1].get_path().vertices)[:, 1]
+    assert 0 < flowing.max() <= shares(axes).max() * (1 + 1e-12)
 
 
 def test_the_course_of_the_training_is_the_history(result: Result, contents: Contents) -> None:
@@ -53,15 +50,15 @@ def test_a_figure_is_always_the_same_bytes(
 ) -> None:
     """Whatever the settings of the process, such as those of a notebook."""
     before = dict(mpl.rcParams)
-    style.save(curves.inertial_number(result, contents.fields).figure, tmp_path / "a.png")
+    style.save(curves.evolution(result, contents.history).figure, tmp_path / "a.png")
     assert dict(mpl.rcParams) == before
     other = {"savefig.bbox": "tight", "savefig.transparent": True, "xtick.major.size": 9}
     with mpl.rc_context(other | {"font.size": 20, "axes.grid": True}):  # type: ignore[arg-type]
-        style.save(curves.inertial_number(result, contents.fields).figure, tmp_path / "b.png")
+        style.save(curves.evolution(result, contents.history).figure, tmp_path / "b.png")
     content = (tmp_path / "a.png").read_bytes()
     assert content == (tmp_path / "b.png").read_bytes()
     assert b"Software" not in content
-    assert plt.imread(tmp_path / "a.png").shape[:2] == (540, 972)
+    assert plt.imread(tmp_path / "a.png").shape[:2] == (1008, 972)
 
 
 def test_a_figure_is_drawn_once_with_the_bytes_of_savefig(

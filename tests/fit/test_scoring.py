@@ -17,7 +17,7 @@ from granpinn.fit.scoring import (
     strain_rate_of,
 )
 from granpinn.results import Fields, Parameters
-from granpinn.results.zones import D2_STAGNANT, after_start, flowing
+from granpinn.results.fields import D2_STAGNANT, after_start, flowing
 from tests.examples import PARAMETERS, make_fields
 from tests.flows import make_flow
 

@@ -9,8 +9,8 @@ import pytest
 
 from granpinn.config import Config
 from granpinn.fit.case import pose
-from granpinn.fit.shear import shear_of, with_curve
-from granpinn.results.zones import D2_STAGNANT
+from granpinn.fit.prediction import shear_of, with_curve
+from granpinn.results.fields import D2_STAGNANT
 from tests.flows import make_flow
 from tests.run_folder import SETTINGS, Contents, make_run, read_run, with_values
 

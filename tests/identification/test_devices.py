@@ -18,7 +18,12 @@ import pytest
 import torch
 
 from granpinn import results
-from granpinn.checks.simulated_pressure import velocity_of, with_simulated_pressure
+from granpinn.checks.simulated_pressure import (
+    Pressures,
+    at_frames,
+    velocity_of,
+    with_simulated_pressure,
+)
 from granpinn.commands import train
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
@@ -26,11 +31,14 @@ from granpinn.fit.case import Model, members, pose
 from granpinn.fit.prediction import predict
 from granpinn.identification.start import start
 from granpinn.physics.laws import DEFAULT
-from granpinn.second_opinion.simulated_pressure import Pressures, at_frames
 from tests.runs import tiny
 
 NO_GPU = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+
+
 DEVICES = ["cpu", pytest.param("cuda", marks=NO_GPU)]
+
+
 TOML = """
 steps = 50
 log_every = 10

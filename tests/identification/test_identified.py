@@ -179,4 +179,3 @@ def test_every_figure_can_be_drawn(run: Run) -> None:
     assert [line.get_label() for line in values.lines][:1] == [r"$\mu_s$"]
     assert loss.get_yscale() == "log"
     assert plot.residual(0.5).get_title().startswith("$t$ = ")
-    assert plot.inertial_number().get_xscale() == "log"

@@ -162,7 +162,7 @@ def test_the_command_writes_one_result_and_a_page(
 
 @pytest.mark.parametrize(
     "refused",
-    [{"compare_laws": True}, {"free_I0": True}, {"calibrate": True}],
+    [{"compare_laws": True}, {"free_I0": True}],
     ids=lambda settings: next(iter(settings)),
 )
 def test_checks_of_one_flow_are_refused(refused: dict[str, bool], flow: Flow) -> None:

@@ -15,7 +15,7 @@ from granpinn.data import Flow, add_noise, write_flow
 from granpinn.fit.case import pose
 from granpinn.identification.single import identify
 from granpinn.results import read_fields
-from granpinn.results.zones import after_start
+from granpinn.results.fields import after_start
 from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.progress import Silent
 from tests.flows import make_chute, make_flow
@@ -89,7 +89,7 @@ def test_the_command_on_one_frame(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], figures: Callable[..., None]
 ) -> None:
     """Training, second opinion, figures and page of a file with a single frame."""
-    names = ("velocity", "pressure", "profiles", "friction_law", "momentum_residual")
+    names = ("velocity", "pressure", "friction_law", "momentum_residual")
     figures(*names)
     write_flow(make_chute(), tmp_path / "chute.h5")
     flags = [

@@ -17,7 +17,7 @@ from granpinn.identification.single import identify
 from granpinn.inspection import inspect
 from granpinn.inspection.momentum_balance import baseline
 from granpinn.results import read_results
-from granpinn.results.results_csv import write_csv
+from granpinn.results.results_file import write_csv
 from tests.data.walled import line, single
 from tests.flows import make_chute
 from tests.inspection.chutes import chute

@@ -9,8 +9,8 @@ from torch import Tensor
 
 from granpinn.kernels import step_ops
 from granpinn.kernels.network import n_params
-from granpinn.training.control_table import HEALTHY
 from granpinn.training.optimise import ParameterGroup
+from granpinn.training.schedule import HEALTHY
 
 SIZES = [(50, 8), (20, 5)]  # points and surface points of two data sets
 MEMBERS = [(0, 7), (1, 2**40 + 5), (0, 9)]  # data set and seed

@@ -18,11 +18,10 @@ from granpinn.data import training_set
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.physics.laws import DEFAULT, LAWS
-from granpinn.training.control_table import HEALTHY, Position
 from granpinn.training.objective import Member, Objective
 from granpinn.training.optimise import ParameterGroup
 from granpinn.training.problem import build
-from granpinn.training.schedule import Schedule
+from granpinn.training.schedule import HEALTHY, Position, Schedule
 from granpinn.training.trainer import Trainer
 from tests.flows import make_flow
 

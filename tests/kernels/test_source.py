@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from granpinn import reference
-from granpinn.training.sampling import INTERIOR
+from granpinn.training.objective import INTERIOR
 
 from .accuracy import EPSILON, GROSS_FACTOR
 from .configurations import SHARED, Form, Problem, problem, small

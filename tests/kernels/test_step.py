@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from granpinn.kernels import ops
-from granpinn.training.control_table import HEALTHY
+from granpinn.training.objective import INTERIOR, SURFACE
 from granpinn.training.optimise import ParameterGroup
-from granpinn.training.sampling import INTERIOR, SURFACE
+from granpinn.training.schedule import HEALTHY
 
 from .step_inputs import (
     MEMBERS,

@@ -95,10 +95,9 @@ class Browser:
         assert "error" not in answer, (method, answer["error"])
         return dict(answer["result"])
 
-    def open(self, path: Path, width: int, scripts: bool = True) -> None:
+    def open(self, path: Path, width: int) -> None:
         """Load a page in a window of this width, on a phone if that is narrow."""
         self._events.clear()
-        self.call("Emulation.setScriptExecutionDisabled", value=not scripts)
         self.call(
             "Emulation.setDeviceMetricsOverride",
             width=width,
@@ -125,11 +124,9 @@ class Browser:
             assert time.monotonic() < end, f"never true: {expression}"
             time.sleep(0.05)
 
-    def picture(self, selector: str | None = None) -> npt.NDArray[np.uint8]:
-        """Pixels [H, W, 3] of the whole page, or of one element."""
+    def picture(self) -> npt.NDArray[np.uint8]:
+        """Pixels [H, W, 3] of the whole page."""
         box = "document.documentElement"
-        if selector is not None:
-            box = f"document.querySelector({json.dumps(selector)})"
         clip = self.evaluate(
             f"(() => {{ const r = {box}.getBoundingClientRect(); return "
             "{x: r.x + scrollX, y: r.y + scrollY, width: r.width, height: r.height, scale: 1}; })()"
@@ -137,19 +134,6 @@ class Browser:
         answer = self.call("Page.captureScreenshot", clip=clip, captureBeyondViewport=True)
         image = Image.open(io.BytesIO(base64.b64decode(answer["data"])))
         return np.asarray(image.convert("RGB"))
-
-    def press(self, key: str) -> None:
-        for kind in ("keyDown", "keyUp"):
-            code = {"ArrowLeft": 37, "ArrowRight": 39, " ": 32}[key]
-            text = {"text": key} if key == " " and kind == "keyDown" else {}
-            self.call(
-                "Input.dispatchKeyEvent",
-                type=kind,
-                key=key,
-                code="Space" if key == " " else key,
-                windowsVirtualKeyCode=code,
-                **text,
-            )
 
     def pdf(self) -> bytes:
         return base64.b64decode(self.call("Page.printToPDF", printBackground=True)["data"])

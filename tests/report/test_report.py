@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -15,14 +14,7 @@ from granpinn.checks.simulated_pressure import SimulatedPressure
 from granpinn.data import Truth
 from granpinn.figures import album
 from granpinn.report import page as pages
-from granpinn.results import (
-    ErrorPercent,
-    Input,
-    Parameter,
-    Parameters,
-    Result,
-    read_results,
-)
+from granpinn.results import ErrorPercent, Input, Parameter, Parameters, Result, read_results
 from tests.examples import PARAMETERS, make_result
 from tests.page import Page
 
@@ -36,26 +28,18 @@ def render(result: Result) -> Page:
 def test_the_page_needs_nothing_but_itself(built: Path) -> None:
     html = (built / "report.html").read_text(encoding="utf-8")
     page = Page(html)
-    assert not {"link", "iframe", "object", "base", "form", "a"} & set(page.tags)
+    assert not {"link", "iframe", "object", "base", "form", "a", "script"} & set(page.tags)
     for needle in ("http:", "https:", "//", "url(", "@import", "javascript:"):
         assert needle not in re.sub("base64,[A-Za-z0-9+/=]+", "", html)
     (policy,) = (v for v in page.values("meta", "content") if "default-src" in v)
-    (script,) = re.findall("<script>(.*?)</script>", html, re.DOTALL)
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    assert policy == (
-        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
-        f"script-src 'sha256-{digest}'"
-    )
-    assert page.tags.count("script") == 1
+    assert policy == "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
     assert len(html.encode()) < 3_000_000
     assert not [a for _, a, _ in page.attributes if a.startswith("on") or a == "href"]
 
 
 def test_the_figures_are_inside(built: Path) -> None:
     page = Page((built / "report.html").read_text(encoding="utf-8"))
-    law, pressure, pale, still, *others = page.values("img", "src")
-    sources = [law, pressure, *others]
-    assert all(picture.startswith("data:image/png;base64,") for picture in (pale, still))
+    sources = page.values("img", "src")
     titles = {name: title for name, (title, _) in album.FIGURES.items()}
     titles["pressure_simulated"] = "Simulated pressure"
     for source, name in zip(sources, titles, strict=True):
@@ -64,10 +48,7 @@ def test_the_figures_are_inside(built: Path) -> None:
         content = base64.b64decode(data, validate=True)
         assert content[:8] == b"\x89PNG\r\n\x1a\n"
         assert content == (built / "figures" / f"{name}.png").read_bytes()
-    alternatives = page.values("img", "alt")
-    assert alternatives.pop(2) == "places of the grains at all times"
-    assert alternatives.pop(2).startswith("pressure at t = ")
-    assert alternatives == list(titles.values())
+    assert page.values("img", "alt") == list(titles.values())
     assert "Missing on this page" not in page.text
 
 
@@ -82,7 +63,7 @@ def test_the_result_comes_first(built: Path) -> None:
         f"{result.assessment.headline.capitalize()}.",
     ]
     order += ["Friction law over the I of", "Pressure in the grains", "What it rests on"]
-    order += ["Results", "Predicted pressure over time", "Figures", "The run"]
+    order += ["Results", "Figures", "The run"]
     places = [page.text.index(words, len("Friction law of in memory")) for words in order]
     assert places == sorted(places)
     (title,) = (i for i, tag in enumerate(page.tags) if tag == "title")

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from granpinn.checks.bootstrap import Bootstrap, Recovery
 from granpinn.checks.comparison_of_laws import LawComparison
 from granpinn.checks.momentum_balance import Difference, MomentumBalance
 from granpinn.inspection.momentum_balance import Baseline
@@ -24,10 +23,10 @@ from granpinn.results import (
     write_results,
 )
 from granpinn.results.assessment import CONDITIONS, GRADES, Assessment
-from granpinn.results.compared_law import ComparedLaw
-from granpinn.results.flow_of_law import FlowOfLaw
 from granpinn.results.identified_law import Curve
 from granpinn.results.record import Reason
+from granpinn.results.records import ComparedLaw
+from granpinn.results.result import FlowOfLaw
 from tests.examples import BASELINE, make_result
 
 EXAMPLE = make_result()
@@ -54,10 +53,16 @@ def without_bars(**changes: Any) -> dict[str, Any]:
 
 
 ITEMS = [*EXAMPLE.parameters.items()]
+
+
 LARGE_MU_2 = Parameters(
     dict(ITEMS) | {"mu_2": Parameter(0.7, fixed=False, interval_90=(0.11, 4.95))}
 )
+
+
 assert EXAMPLE.determined is not None
+
+
 LOST_MU_2 = {
     "parameters": Parameters(dict(ITEMS) | {"mu_2": Parameter(0.7, False, determined=False)}),
     "determined": replace(
@@ -67,11 +72,17 @@ LOST_MU_2 = {
         raw_interval_90={"mu_2": (0.11, 4.95)},
     ),
 }
+
+
 ALIKE = Parameters(mu_s=Parameter(0.4, fixed=False))
+
+
 LAWS = (
-    ComparedLaw("coulomb", ALIKE, 0.0, ("power",)),
-    ComparedLaw("mu_of_i", EXAMPLE.parameters, -9.0),
+    ComparedLaw("coulomb", ALIKE, ("power",)),
+    ComparedLaw("mu_of_i", EXAMPLE.parameters),
 )
+
+
 SHORT, LONG = (Timing(1.0, steps) for steps in (900, 15_000))
 
 
@@ -87,12 +98,6 @@ def far(percent: float) -> dict[str, Any]:
 def outside() -> dict[str, Any]:
     assert EXAMPLE.error_bars is not None
     return {"error_bars": replace(EXAMPLE.error_bars, outside=("mu_2/mu_s = 2.9 (tested: to 2)",))}
-
-
-def bootstrap(rms: float) -> dict[str, Any]:
-    row = Recovery(0.4, 0.0, 0.01, 0.01, 0.01, rms, 0.01, 0.02)
-    record = Bootstrap(None, flows=4, parameters={"mu_s": row, "mu_2": row})
-    return {"checks": {"bootstrap": record}}
 
 
 def of_flows(grade: str) -> dict[str, Any]:
@@ -162,8 +167,6 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     ),
     "one of its flows": (of_flows("care"), "care", "b.h5: It is noisy."),
     "a bad one of its flows": (of_flows("do not use"), "do not use", "b.h5: It is noisy."),
-    "narrow": (bootstrap(0.05), "care", "The error bars may be too narrow: the rms error of"),
-    "narrow by chance": (bootstrap(0.03), "good", "mu(I) is known to"),
 }
 
 

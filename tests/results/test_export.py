@@ -17,18 +17,26 @@ import pytest
 from granpinn.commands import export
 from granpinn.errors import BadInput
 from granpinn.results import Input, Parameter, Parameters, Result, write_results
-from granpinn.results.determined import Determined
 from granpinn.results.export import DRAWS, PROGRAMS, draws_of
+from granpinn.results.parameters import Determined
 from tests.examples import PARAMETERS, make_result
 
 MU_2 = Parameter(0.61, fixed=False, std=0.02, interval_90=(0.57, 0.65))
+
+
 KNOWN = Parameters(dict(PARAMETERS.items()) | {"mu_2": MU_2})
+
+
 D = 0.8e-3 * math.sqrt(2500 / 1500)  # the diameter of programs with one density
+
+
 STUBS = {
     "basilisk": "double mus, dmu, I0, D, Co;\n",
     "chrono": "namespace chrono { namespace fsi { namespace sph {\n"
     "enum class RheologyCRM { MU_OF_I, MCC }; } } }\n",
 }
+
+
 PRINTED = {
     "basilisk": "#include <stdio.h>\nint main () { granpinn_law (2., 0); "
     'printf ("%g %g %g %g", mus, mus + dmu, I0, 2.*D); '

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from granpinn.config import Config
@@ -12,21 +13,25 @@ from granpinn.data import Truth
 from granpinn.physics.laws import LAWS
 from granpinn.report import page as pages
 from granpinn.results import (
+    Covariance,
     ErrorPercent,
     IdentifiedLaw,
     Parameter,
     Parameters,
     Result,
     read_results,
-    results_csv,
+    results_file,
     write_results,
 )
 from granpinn.results.records import Members
+from granpinn.results.result import friction_sd, true_friction
 from granpinn.uncertainty.error_bars import center, judge, nearest
 from tests.examples import make_result
 from tests.page import Page
 
 LAW = LAWS["coulomb"]
+
+
 MEMBERS = Members((0, 1, 2), {"mu_s": (0.30, 0.33, 0.36)})
 
 
@@ -68,7 +73,7 @@ def test_table_row_and_page_have_its_parameters_alone(tmp_path: Path) -> None:
     row_of_mu_s = result.summary().splitlines()[1].split()
     assert row_of_mu_s == ["mu_s", "0.3300", "-", "-", "0.3000", "10.00"]
     assert "I0" not in result.summary()
-    row = results_csv.row(result)
+    row = results_file.row(result)
     assert (row["law"], row["mu_s"], row["error_mu_s"]) == ("coulomb", 0.33, 10.0)
     assert not {"mu_2", "I0", "error_mu_2"} & set(row)
     page = Page(pages.render(result, [], [], []))
@@ -82,6 +87,11 @@ def test_values_without_error_bars_and_the_reason() -> None:
     assert center(MEMBERS, LAW) == pytest.approx((0.33,))
     assert nearest(MEMBERS, LAW) == 1
     found = judge(MEMBERS, make_result().residuals, None, config, False)
-    assert found.free == {"mu_s": Parameter(pytest.approx(0.33), fixed=False)}  # type: ignore[arg-type]
-    assert (found.covariance, found.bars) == (None, None)
-    assert found.reason == "there are error bars for mu(I) only"
+    assert found == "there are error bars for mu(I) only"
+
+
+def test_the_true_law_and_the_error_are_those_of_the_law() -> None:
+    I = np.array([0.1, 1.0])
+    np.testing.assert_allclose(true_friction(coulomb(), I), 0.3)  # type: ignore[arg-type]
+    covariance = Covariance(("mu_s",), ((0.01**2,),))
+    np.testing.assert_allclose(friction_sd(np.array([0.1, 1.0]), coulomb(), covariance), 0.01)

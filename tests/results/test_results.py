@@ -24,7 +24,7 @@ from granpinn.results import (
     read_results,
     write_results,
 )
-from granpinn.results.assumed import Assumed
+from granpinn.results.records import Assumed
 from tests.examples import LAW, PARAMETERS, SPARSE, make_result, residuals_with
 
 

@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,13 @@ from granpinn.commands import simulate as command
 from granpinn.figures.animation import animate
 from granpinn.simulation import PAPER_CASES, Collapse, SimulationError
 from granpinn.simulation.engine import Engine, StepReport
-from granpinn.simulation.progress import SilentSimulation, SimulationLines
+from granpinn.simulation.run import lines
 
 COARSE = {"cells": 64, "frames": 4, "t_end": 1.0, "stride": 2, "threads": 1}
 
+
 FLAGS = [text for name, v in COARSE.items() for text in (f"--{name.replace('_', '-')}", str(v))]
+
 
 # The command with a line for every step.
 TALKATIVE = """
@@ -27,8 +30,8 @@ import signal
 import sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background ignores it
 from granpinn.commands import simulate as command
-from granpinn.simulation.progress import SimulationLines
-command.automatic = lambda: SimulationLines(every=0.0)
+from granpinn.simulation.run import lines
+command.lines = lambda t_end: lines(t_end, every=0.0)
 sys.exit(command.main(sys.argv[1:]))
 """
 
@@ -120,12 +123,11 @@ def test_signal_before_two_frames_says_that_there_is_no_file(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    class Stopper(SilentSimulation):
-        def show(self, report: StepReport) -> None:
-            signal.raise_signal(signum)
+    def stopper(t_end: float) -> Callable[[StepReport], None]:
+        return lambda report: signal.raise_signal(signum)
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    monkeypatch.setattr(command, "automatic", Stopper)
+    monkeypatch.setattr(command, "lines", stopper)
     try:
         code = command.main([*FLAGS, "--out", str(tmp_path / "flow.h5")])
     finally:
@@ -139,14 +141,12 @@ def test_signal_before_two_frames_says_that_there_is_no_file(
 
 
 def test_failed_solve_stops_with_its_numbers(tmp_path: Path) -> None:
-    class Spoiler(SilentSimulation):
-        def show(self, report: StepReport) -> None:
-            super().show(report)
-            if report.time > 0.6:
-                raise SimulationError("the viscous solve stopped")
+    def spoiler(report: StepReport) -> None:
+        if report.time > 0.6:
+            raise SimulationError("the viscous solve stopped")
 
     with pytest.raises(SimulationError):
-        granpinn.simulate(out=tmp_path / "flow.h5", listener=Spoiler(), **COARSE)
+        granpinn.simulate(out=tmp_path / "flow.h5", listener=spoiler, **COARSE)
     assert len(granpinn.read_flow(tmp_path / "flow.h5").t) == 2
 
     with pytest.raises(SimulationError, match="pressure solve of step 0 .* after 1 iterations"):
@@ -161,19 +161,17 @@ def test_paper_cases_make_six_files_and_their_figure(tmp_path: Path) -> None:
     assert (folder / "final_states.png").stat().st_size > 10_000
 
 
-def test_figures_and_animation(tmp_path: Path) -> None:
-    out, figures, gif = tmp_path / "a.h5", tmp_path / "figures", tmp_path / "a.gif"
-    flags = [*FLAGS, "--figures", str(figures), "--animation", str(gif)]
-    assert command.main([*flags, "--out", str(out)]) == 0
-    assert {p.name for p in figures.iterdir()} == {"a_surfaces.png", "a_snapshots.png"}
+def test_progress_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    granpinn.simulate(listener=lines(1.0, every=0.0), **COARSE)
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) >= 4
+    assert "iterations" in said[-1]
+    assert "s left" in said[-1]
+
+
+def test_an_animation(tmp_path: Path) -> None:
+    out, gif = tmp_path / "a.h5", tmp_path / "a.gif"
+    assert command.main([*FLAGS, "--animation", str(gif), "--out", str(out)]) == 0
     assert gif.read_bytes()[:6] == b"GIF89a"
     assert animate(granpinn.read_flow(out), gif) == gif
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.gif", "a.h5", "figures"]
-
-
-def test_progress_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    granpinn.simulate(listener=SimulationLines(every=0.0), **COARSE)
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) >= 4
-    assert "iterations" in lines[-1]
-    assert "s left" in lines[-1]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.gif", "a.h5"]

@@ -18,9 +18,9 @@ from granpinn.commands import simulate as command
 from granpinn.data import read_flow
 from granpinn.data.flow import Walls
 from granpinn.data.walls import segments_of
-from granpinn.second_opinion.scenes import initial_column
 from granpinn.simulation import Collapse, Engine, Silo
 from granpinn.simulation.engine import solver_parameters
+from granpinn.simulation.likeness import initial_column
 from tests.simulation.test_collapse import energies
 from tests.simulation.test_outlet import dissipation
 

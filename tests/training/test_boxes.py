@@ -2,7 +2,7 @@
 
 import torch
 
-from granpinn.training.boxes import Boxes
+from granpinn.training.last_layer_sums import Boxes
 
 COUNT = 4
 

@@ -10,9 +10,16 @@ import pytest
 import torch
 
 from granpinn.training import checkpoint
-from granpinn.training.checkpoint import CheckpointError, newest, require_same, restore, save
+from granpinn.training.checkpoint import (
+    CheckpointError,
+    RunState,
+    TrainingState,
+    newest,
+    require_same,
+    restore,
+    save,
+)
 from granpinn.training.identity import plain
-from granpinn.training.state import RunState, TrainingState
 
 TENSORS = {"params": torch.arange(6.0), "q": torch.tensor([1.0, 2.0], dtype=torch.float64)}
 

@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from granpinn.config import Config
-from granpinn.training import continuation
-from granpinn.training.continuation import continued
 from granpinn.training.objective import Member
 from granpinn.training.trainer import Trainer
+from granpinn.uncertainty import sensitivity
+from granpinn.uncertainty.sensitivity import continued
 from tests.flows import make_flow
 from tests.runs import make_trainer, tiny
 
@@ -78,6 +78,6 @@ def test_steps(
             super().advance()
             made.append(self.step)
 
-    monkeypatch.setattr(continuation, "Trainer", Counting)
+    monkeypatch.setattr(sensitivity, "Trainer", Counting)
     continued(finished, [(0, finished.objective.members[0])], most)
     assert made == list(range(1, expected + 1))

@@ -20,11 +20,10 @@ from torch.utils._pytree import tree_leaves
 
 from granpinn.config import Config
 from granpinn.data import Flow
-from granpinn.training.control_table import Position
 from granpinn.training.graphs import Graphs
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.objective import Evaluation, Objective
-from granpinn.training.schedule import Schedule
+from granpinn.training.schedule import Position, Schedule
 from granpinn.training.trainer import Trainer
 from tests.runs import make_objective, make_trainer, tiny
 

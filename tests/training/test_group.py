@@ -11,7 +11,8 @@ from torch import Tensor
 
 from granpinn.config import Config
 from granpinn.data import Flow
-from granpinn.training.elimination import RIDGE, solve_group
+from granpinn.training.last_layer import solve_group
+from granpinn.training.last_layer_sums import RIDGE
 from granpinn.training.objective import Member, Objective
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import math
-import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from granpinn.data import Flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.training.history import History, Row, columns
-from granpinn.training.progress import (
-    Bar,
-    Lines,
-    TensorBoard,
-)
+from granpinn.training.progress import Bar
 from tests.runs import make_run, tiny
 
 NAN = math.nan
+
+
 COLUMNS = columns(DEFAULT)
 
 
@@ -146,35 +141,3 @@ def test_the_bar_shows_steps_terms_and_values(capsys: pytest.CaptureFixture[str]
     bar.stop()
     text = capsys.readouterr().err
     assert "a [bracket] is no markup" in text
-
-
-class Writer:
-    def __init__(self, folder: str) -> None:
-        self.folder, self.values, self.closed = folder, [], False  # type: ignore[var-annotated]
-
-    def add_scalar(self, name: str, value: float, step: int) -> None:
-        self.values.append((name, value, step))
-
-    def close(self) -> None:
-        self.closed = True
-
-
-def test_tensorboard_gets_every_finite_value(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    module: Any = type(sys)("torch.utils.tensorboard")
-    module.SummaryWriter = Writer
-    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", module)
-    stream = io.StringIO()
-    board = TensorBoard(tmp_path, Lines(stream, every=0.0))
-    board.stop()
-    assert board.writer is None
-    board.start(10, 0)
-    board.total(20)
-    board.show(row(5, surface=NAN))
-    board.message("text")
-    board.stop()
-    names = {name for name, _, _ in board.writer.values}
-    assert names == set(COLUMNS) - {"step", "surface"}
-    assert board.writer.closed
-    assert "fit 5/20" in stream.getvalue()

@@ -8,10 +8,9 @@ import torch
 from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import LAWS
 from granpinn.physics.laws.free import WITH_COHESION
-from granpinn.training.elimination import RIDGE
 from granpinn.training.features import Features, coefficients
 from granpinn.training.information import BOXES, information
-from granpinn.training.last_layer_sums import Sums, Unknowns, choose
+from granpinn.training.last_layer_sums import RIDGE, Sums, Unknowns, choose
 from granpinn.training.objective import Member
 
 from .test_last_layer import SPEC, draw, problem

@@ -18,10 +18,9 @@ from granpinn.physics.constants import Physics
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training import equations
 from granpinn.training import last_layer as module
-from granpinn.training.elimination import solve
 from granpinn.training.equations import law_weights
 from granpinn.training.features import Features, coefficients, with_coefficients
-from granpinn.training.last_layer import ITERATIONS, improve, iterate, last_layer
+from granpinn.training.last_layer import ITERATIONS, improve, iterate, last_layer, solve
 from granpinn.training.last_layer_sums import Data, Sums, Unknowns, choose, velocity_moments
 from granpinn.training.objective import Member
 from granpinn.training.problem import Problem

@@ -11,11 +11,13 @@ from torch import Tensor
 
 from granpinn.config import Config, Optimizer, Rheology
 from granpinn.physics.laws import DEFAULT
-from granpinn.training.control_table import ControlTable
 from granpinn.training.law_variables import LawVariables
 from granpinn.training.optimise import BatchOptimizer
+from granpinn.training.schedule import ControlTable
 
 WIDTHS = (3, 4, 3)
+
+
 LIKE = torch.zeros(0, dtype=torch.float64)
 
 
@@ -31,15 +33,15 @@ def after_a_step(law: LawVariables, grad_theta: Tensor, rate: float) -> None:
     assert not control.faults()
 
 
-def make(variables: Any, E: int = 1, **start: Any) -> LawVariables:
-    settings = Rheology(variables=variables, **start)
+def make(variables: Any, E: int = 1) -> LawVariables:
+    settings = Rheology(variables=variables)
     return LawVariables([DEFAULT] * E, settings, [{"I0": 0.25}] * E, range(E), LIKE)
 
 
 @pytest.mark.parametrize("variables", ["log", "sigmoid"])
 def test_gradients_are_pulled_back_to_them(variables: str) -> None:
     """The first moment after one step is (1 - beta_1) d loss / d q."""
-    law = make(variables, 2, start=(0.3, 0.7))
+    law = make(variables, 2)
     q = law.q.clone().requires_grad_()
     weights = torch.tensor([[2.0, -3.0, 5.0], [-1.0, 0.5, 1.0]], dtype=torch.float64)
     (weights * law.theta_of(q)).sum().backward()

@@ -12,10 +12,10 @@ from granpinn.fit.case import members, pose
 from granpinn.identification.start import start
 from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import DEFAULT
-from granpinn.training import mean_rate
+from granpinn.training import last_layer
 from granpinn.training.features import Features, coefficients
+from granpinn.training.last_layer import FEWER, mean_length
 from granpinn.training.last_layer_sums import Sums, Unknowns, choose
-from granpinn.training.mean_rate import FEWER, mean_length
 from granpinn.training.objective import Member
 from granpinn.training.progress import Silent
 from tests.runs import tiny
@@ -42,7 +42,7 @@ def test_the_losses_of_the_trained_network_decide(
     ratio = mean.loss(at) / local.loss(at)
     assert abs(ratio - 1) > 1e-3
     for factor, length in ((1.0001 * ratio, LENGTH), (0.9999 * ratio, 0.0)):
-        monkeypatch.setattr(mean_rate, "CONTRADICTED", factor)
+        monkeypatch.setattr(last_layer, "CONTRADICTED", factor)
         assert mean_length(member, params, THETA, 7) == length
 
 
@@ -51,7 +51,7 @@ def test_what_follows_the_step_has_its_length(
     flow: Flow, factor: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A comparison of laws has the equations of the last layer."""
-    monkeypatch.setattr(mean_rate, "CONTRADICTED", factor)
+    monkeypatch.setattr(last_layer, "CONTRADICTED", factor)
     config = tiny(steps=60)
     run = start(members(pose(flow, config)), config, None, Silent(), time.monotonic())
     run.train()

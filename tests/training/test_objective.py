@@ -14,10 +14,8 @@ from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.kernels import ops
 from granpinn.training import problem
-from granpinn.training.objective import Evaluation
-from granpinn.training.problem import Problem, with_wall_friction
-from granpinn.training.sampling import INTERIOR, SURFACE, draw
-from granpinn.training.tolerances import NO_NOISE, VelocityNoise
+from granpinn.training.objective import INTERIOR, SURFACE, Evaluation, draw
+from granpinn.training.problem import NO_NOISE, Problem, VelocityNoise, with_wall_friction
 from granpinn.training.trainer import Trainer
 from tests.runs import make_trainer, tiny
 

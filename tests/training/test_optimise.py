@@ -12,9 +12,9 @@ from torch import Tensor
 from granpinn.config import Config, Optimizer, Rheology
 from granpinn.kernels.network import n_params, views
 from granpinn.physics.laws import DEFAULT
-from granpinn.training.control_table import ControlTable
 from granpinn.training.law_variables import LawVariables
 from granpinn.training.optimise import BETA_1, BatchOptimizer, ParameterGroup, hidden_groups
+from granpinn.training.schedule import ControlTable
 
 WIDTHS = (3, 20, 30, 30, 30, 25, 5)
 P = n_params(WIDTHS)

@@ -16,6 +16,8 @@ from granpinn.fit import case
 from tests.flows import make_flow
 
 ROOT = Path(__file__).parents[2]
+
+
 # Prints the estimate and the peak of the memory above that of the imports.
 MEASURED = """
 import json, sys, warnings
@@ -39,6 +41,8 @@ need = need_of_case(flow, config).total
 identify(flow, config, run_dir=sys.argv[3])
 print(json.dumps([need, peak() - before]))
 """
+
+
 SMALL = {
     "steps": 2,
     "network.widths": [16, 16],
@@ -47,6 +51,8 @@ SMALL = {
     "simulated_pressure.frames": 0,
     "device": "cpu",
 }
+
+
 # What each of them makes large: settings, and frames, rows and columns of the flow.
 LARGE: dict[str, tuple[dict[str, Any], tuple[int, int, int]]] = {
     "members": ({"network.widths": [96, 96, 16], "members": 80}, (6, 12, 10)),

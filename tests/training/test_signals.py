@@ -141,7 +141,7 @@ PHASES = {
     "training": ("granpinn.training.trainer:Trainer.advance", 200),
     "last layer": ("granpinn.training.trainer:Trainer.solve_last_layer", 0),
     "copies": ("granpinn.uncertainty.sensitivity:continued", 0),
-    "simulated pressure": ("granpinn.second_opinion.simulated_pressure:settle", 0),
+    "simulated pressure": ("granpinn.checks.simulated_pressure:settle", 0),
     "resimulation": ("granpinn.checks.resimulation:resimulate", 0),
     "figures": ("granpinn.report.page:build", 0),
 }

@@ -17,9 +17,8 @@ from granpinn.data.flow import Source
 from granpinn.data.points import source_at
 from granpinn.fit.case import Case, pose
 from granpinn.kernels import ops
-from granpinn.training.objective import Objective
+from granpinn.training.objective import INTERIOR, SURFACE, Objective
 from granpinn.training.operators import COMPILED, IN_TORCH
-from granpinn.training.sampling import INTERIOR, SURFACE
 from tests.data.walled import line
 from tests.flows import make_flow
 from tests.runs import tiny

@@ -14,13 +14,7 @@ from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import STEPS, Facts
 from granpinn.physics.terms import NAMES
 from granpinn.simulation import demo_path
-from granpinn.training.tolerances import (
-    MOST_COLUMNS,
-    RESOLVED,
-    VelocityNoise,
-    law_rate,
-    sigmas_of,
-)
+from granpinn.training.problem import MOST_COLUMNS, RESOLVED, VelocityNoise, law_rate, sigmas_of
 from tests.flows import make_chute, make_flow
 
 ROUNDED = 2 ** (0.5 / STEPS) - 1

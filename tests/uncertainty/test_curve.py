@@ -13,17 +13,22 @@ from granpinn.results import (
     Covariance,
     IdentifiedLaw,
     read_results,
-    results_csv,
+    results_file,
     write_results,
 )
 from granpinn.results.records import ErrorBars
-from granpinn.uncertainty.curve import POINTS, stress_points, with_curve
-from granpinn.uncertainty.determined import determined
+from granpinn.uncertainty.determined import POINTS, determined, stress_points, with_curve
 from tests.examples import make_result
 
 Array = npt.NDArray[np.floating]
+
+
 HALF = 1.645
+
+
 MU_OF_I = LAWS["mu_of_i"]
+
+
 MATRIX = np.array([[1.6e-4, -6e-5], [-6e-5, 9e-4]])
 
 
@@ -126,7 +131,7 @@ def test_the_record_in_the_files(tmp_path: object) -> None:
     content = result.to_dict()["law"]
     assert list(content)[:3] == ["name", "I_range", "curve"]
     assert list(content["curve"]) == ["I", "mu", "low", "high"]
-    row, curve = results_csv.row(result), result.law.curve
+    row, curve = results_file.row(result), result.law.curve
     assert curve is not None
     assert curve.low is not None
     assert curve.high is not None

@@ -12,14 +12,19 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from granpinn.results.assumed import Assumed
-from granpinn.results.records import Members
+from granpinn.results.records import Assumed, Members
 from granpinn.uncertainty import error_bars, error_model
 from granpinn.uncertainty.error_model import FEATURES, ErrorModel, Known, ends_of, line
 
 X, MU = (0.02, 0.3), (0.4, 0.64)
+
+
 USUAL = Known(X, MU, misfit=0.003, law=0.005)
+
+
 RULES: dict[str, float] = dict.fromkeys(error_model.COEFFICIENTS, 0.0)
+
+
 MODEL = dataclasses.replace(
     error_model.load(),
     freedom=8.0,
@@ -30,9 +35,17 @@ MODEL = dataclasses.replace(
     level=0.02,
     tilt=0.01,
 )
+
+
 SHORT = (0.02, 0.1)  # with the same friction at both ends
+
+
 SAME = tuple(np.linalg.solve(line(SHORT), line(X) @ MU).tolist())
+
+
 ALONE = Members((0,), {"mu_s": MU[:1], "mu_2": MU[1:]})
+
+
 # With which change of a run errors grow, by feature.
 WORSE: dict[str, Known] = {
     "outline": USUAL._replace(outline=True),

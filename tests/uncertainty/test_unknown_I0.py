@@ -10,17 +10,25 @@ import pytest
 
 from granpinn.checks.profile_of_I0 import Profile
 from granpinn.results import Covariance, Parameter, Parameters, Result
-from granpinn.results.determined import Determined
+from granpinn.results.parameters import Determined
 from granpinn.results.records import ErrorBars
-from granpinn.results.summary import NORMAL_90
+from granpinn.results.result import NORMAL_90
 from granpinn.uncertainty.error_model import ends_of, line
 from granpinn.uncertainty.unknown_I0 import ProfilePoint, unknown_I0
 from tests.examples import make_result
 
 I_RANGE = (0.01, 0.2)
+
+
 ENDS = np.array([0.42, 0.5])  # mu at the ends of the range, which all laws share
+
+
 SD = np.array([0.004, 0.006])  # of these, independent
+
+
 GIVEN = 0.3
+
+
 GRID = (0.15, 0.3, 0.6)
 
 
@@ -39,16 +47,8 @@ def profile(excluded: tuple[bool, ...], best: float | None = None) -> Profile:
         points=tuple(points),
         n_seeds=3,
         smallest_rise=1e-6,
-        law_accuracy=0.005,
-        I_low=0.0,
-        I_high=0.2,
         best=best,
         allowed=bounds,
-        slope=1.0,
-        slope_std=0.0,
-        correlation=None,
-        mu_2_by_I0=1.0,
-        status="separable" if best else "not separable",
         answer="",
     )
 

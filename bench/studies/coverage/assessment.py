@@ -34,8 +34,7 @@ from granpinn.results import DataSummary, Input, Parameter, Parameters, Residual
 from granpinn.results.assessment import GRADES, contradicted
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import Reason
-from granpinn.uncertainty.curve import with_curve
-from granpinn.uncertainty.determined import applied, determined
+from granpinn.uncertainty.determined import applied, determined, with_curve
 from granpinn.uncertainty.error_bars import judge
 
 ERRORS = {"below 2 %": 2.0, "2 to 10 %": 10.0, "above 10 %": np.inf}  # rms of mu(I), in %
@@ -81,8 +80,9 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
     symmetries = tuple(filter(None, cells["symmetries"].split("; ")))
     config = Config(level=cells["level"])  # type: ignore[arg-type]
     found = judge(members, residuals, known, config, False, symmetries)
+    assert not isinstance(found, str)  # the default recipe has error bars
     result = Result(
-        parameters=Parameters(**found.free, I0=Parameter(n["I0"], True)),
+        parameters=Parameters(**found.parameters, I0=Parameter(n["I0"], True)),
         level=cells["level"],
         form=config.form,
         recipe=config.recipe,
@@ -92,7 +92,7 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
         device="",
         versions={},
         input=Input(cells["name"], ""),
-        law=IdentifiedLaw("mu_of_i", I_range, reason=found.reason),
+        law=IdentifiedLaw("mu_of_i", I_range),
         members=members,
         residuals=residuals if cells["momentum"] else None,
         covariance=found.covariance,

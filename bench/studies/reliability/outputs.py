@@ -57,7 +57,7 @@ CASES: dict[str, Case] = {
     "simulate": Case("simulate", (*COLLAPSE, "--out", "out.h5"), inputs=None, repeated=True),
     "simulate, figures": Case(
         "simulate",
-        (*COLLAPSE, "--out", "out.h5", "--figures", "figures", "--animation", "out.gif"),
+        (*COLLAPSE, "--out", "out.h5", "--animation", "out.gif"),
         inputs=None,
     ),
     "inspect": Case("inspect", ("flow.h5", "--out", "inspection"), repeated=True),

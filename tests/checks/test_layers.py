@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from granpinn import results
+from granpinn.checks import simulated_pressure
 from granpinn.checks.resimulation import resimulate
 from granpinn.commands import train
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import DEFAULT
-from granpinn.second_opinion import simulated_pressure
 from granpinn.simulation import Chute, simulate
 from tests.flows import make_chute
 

@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from threading import Event
 from typing import Any
-
-from granpinn.simulation.engine import StepReport
-from granpinn.simulation.progress import SilentSimulation
 
 
 class Threads(ThreadPoolExecutor):
@@ -41,14 +37,3 @@ def threads(count: int) -> Iterator[Threads]:
     finally:
         pool.stopping = not finished
         pool.shutdown(wait=finished, cancel_futures=not finished)
-
-
-class UntilStopped(SilentSimulation):
-    """A listener that ends its run in the next step once an event is set."""
-
-    def __init__(self, stopped: Event) -> None:
-        self._stopped = stopped
-
-    def show(self, report: StepReport) -> None:
-        if self._stopped.is_set():
-            raise CancelledError

@@ -7,7 +7,7 @@ from concurrent.futures import CancelledError, Future
 
 import pytest
 
-from granpinn.second_opinion.threads import Threads, threads
+from granpinn.simulation.threads import Threads, threads
 
 
 def stop(pools: list[Threads]) -> None:

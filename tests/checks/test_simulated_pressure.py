@@ -14,18 +14,17 @@ import numpy.typing as npt
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
+from granpinn.checks import simulated_pressure
 from granpinn.checks.simulated_pressure import SimulatedPressure
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.fit.scoring import strain_rate
 from granpinn.physics.laws import DEFAULT
-from granpinn.results.zones import D2_STAGNANT
-from granpinn.second_opinion import simulated_pressure
-from granpinn.second_opinion.scenes import GrainColumn, collapse_of
+from granpinn.results.fields import D2_STAGNANT
 from granpinn.simulation import Collapse, Engine, SimulationError, State
-from granpinn.simulation.engine import Start
+from granpinn.simulation.engine import Start, settled_after
+from granpinn.simulation.likeness import GrainColumn, collapse_of
 from granpinn.simulation.recorder import Recorder
-from granpinn.simulation.settling import settled_after
 
 Array = npt.NDArray[np.float64]
 THETA = (0.4, 0.64, 0.3)

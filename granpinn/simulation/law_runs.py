@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import replace
-from itertools import pairwise
 from threading import Event, Lock
 
 import numpy as np
@@ -20,12 +19,16 @@ import numpy as np
 from granpinn.arrays import Float32, Float64, Int64
 from granpinn.data import Flow
 from granpinn.physics.laws import mu_of_i
-from granpinn.second_opinion.comparison import Nodes, interpolation
-from granpinn.second_opinion.scenes import GrainColumn, cells_of, collapse_of
-from granpinn.second_opinion.threads import UntilStopped
-from granpinn.simulation import Collapse
-from granpinn.simulation.engine import State
-from granpinn.simulation.run import record
+from granpinn.simulation.engine import StepReport
+from granpinn.simulation.likeness import (
+    GrainColumn,
+    Nodes,
+    cells_of,
+    collapse_of,
+    interpolation,
+)
+from granpinn.simulation.parameters import Collapse
+from granpinn.simulation.run import Listener, states
 
 Theta = tuple[float, float, float]  # mu_s, mu_2, I0
 Node = tuple[int, ...]
@@ -35,37 +38,26 @@ COARSE_CELLS = 256  # largest number across the box in the first stage of a sear
 MOST_POINTS = 1 << 20  # 8 MB for every run
 
 
-class AtPoints:
-    """Records the velocity of a simulation at points of a flow, frame by frame.
+def velocity_at(
+    collapse: Collapse, flow: Flow, points: Int64, listener: Listener | None = None
+) -> Float32:
+    """The velocity of a simulation at points of a flow [2, n]; NaN where there are no grains.
 
-    Attributes:
-        scene: the settings of the simulation, resolved.
+    Args:
         points: flat indices into [T, Y, X], in increasing order.
     """
-
-    def __init__(self, collapse: Collapse, flow: Flow, points: Int64) -> None:
-        self.scene, self._flow = collapse.resolved(), flow
-        area = flow.c[0].size
-        ends = np.searchsorted(points, area * np.arange(len(flow.t) + 1))
-        self._of_frame = [points[a:b] - area * k for k, (a, b) in enumerate(pairwise(ends))]
-        self._taken: list[Float32] = []
-
-    def add(self, time: float, state: State) -> None:
-        """Keep the velocity of the next frame; NaN where there are no grains."""
-        s, h = self.scene.stride, self.scene.spacing
+    scene, area = collapse.resolved(), flow.c[0].size
+    s, h = scene.stride, scene.spacing
+    ends = np.searchsorted(points, area * np.arange(len(flow.t) + 1))
+    taken = []
+    for k, (_, state) in enumerate(states(scene, flow.t.tolist(), listener)):
         empty = state.c[::s, ::s] != 1
-        ny, nx = empty.shape
-        first = 0.5 * h
-        y, x = (first + s * h * np.arange(n, dtype=np.float64) for n in (ny, nx))
-        grid = Nodes(y, x)
-        at = interpolation(grid, self._flow)
+        y, x = (0.5 * h + s * h * np.arange(n, dtype=np.float64) for n in empty.shape)
+        at = interpolation(Nodes(y, x), flow)
+        here = points[ends[k] : ends[k + 1]] - area * k
         fields = (np.where(empty, np.nan, f[::s, ::s]) for f in (state.u_center, state.v_center))
-        here = self._of_frame[len(self._taken)]
-        self._taken.append(np.stack([at(f).ravel()[here] for f in fields]).astype(np.float32))
-
-    def velocity(self) -> Float32:
-        """At all points, [2, n]."""
-        return np.concatenate(self._taken, axis=1)
+        taken.append(np.stack([at(f).ravel()[here] for f in fields]).astype(np.float32))
+    return np.concatenate(taken, axis=1)
 
 
 class LawRuns:
@@ -151,6 +143,8 @@ class LawRuns:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _run(self, collapse: Collapse) -> Float32:
-        taken = AtPoints(collapse, self.flow, self.points)
-        record(taken, UntilStopped(self._stopped), self.flow.t.tolist())
-        return taken.velocity()
+        def stop(report: StepReport) -> None:
+            if self._stopped.is_set():
+                raise CancelledError
+
+        return velocity_at(collapse, self.flow, self.points, stop)

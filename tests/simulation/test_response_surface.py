@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from granpinn.second_opinion.response_surface import REACH, ResponseSurface, composite
+from granpinn.simulation.response_surface import REACH, ResponseSurface, composite
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
