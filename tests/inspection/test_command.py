@@ -31,7 +31,7 @@ def test_what_it_prints_and_writes(
     assert content["facts"]
     assert numbers["vectors"]["count"] == int(demo.valid.sum())
     assert numbers["noise"]["relative"] == pytest.approx(0.02, rel=0.25)
-    assert numbers["precision"]["bounds"]["known"]["mu_s"] > 0
+    assert numbers["precision"]["expected"]["mu_s"] > 0
     assert numbers["momentum_balance"]["mean"]["mu"] == pytest.approx(0.44, abs=0.03)
     assert "The momentum balance alone, without a network, gives mu = 0." in " ".join(printed)
     for name in ("validity", "speed", "inertial_number", "noise"):
@@ -45,7 +45,7 @@ def test_files_for_another_law(tmp_path: Path) -> None:
     numbers = json.loads((out / "inspect.json").read_text())
     assert numbers["law"] == {"name": "coulomb", "mu_s": 0.3}
     precision = numbers["checks"]["precision"]
-    assert 0 < precision["bounds"]["known"]["mu_s"] < precision["expected"]["mu_s"] < 0.1
+    assert 0 < precision["expected"]["mu_s"] < 0.1
     assert (out / "inertial_number.png").stat().st_size > 10_000
 
 
@@ -64,7 +64,7 @@ def test_a_flow_at_rest(demo: Flow, tmp_path: Path, capsys: pytest.CaptureFixtur
     printed = capsys.readouterr().out
     assert "No precision can be given" in printed
     numbers = json.loads((tmp_path / "out" / "inspect.json").read_text())
-    assert numbers["checks"]["precision"]["bounds"] is None
+    assert numbers["checks"]["precision"]["expected"] is None
     assert "hardly shear" in numbers["checks"]["precision"]["reason"]
 
 
