@@ -64,17 +64,6 @@ class Point:
 
 
 @dataclass(frozen=True)
-class LawFit:
-    """mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) through the points, with standard deviations."""
-
-    mu_s: float
-    mu_2: float
-    I0: float
-    mu_s_sd: float
-    mu_2_sd: float
-
-
-@dataclass(frozen=True)
 class Baseline(Record):
     """What the momentum balance alone says about the friction.
 
@@ -83,7 +72,6 @@ class Baseline(Record):
         carried: whether that is because more than the base carries the grains.
         points: in bins of I between its 5th and 95th percentile.
         mean: of all cells in this range.
-        law: None where the range is narrow or fewer than three bins are filled.
         window: cells on each side of the local fits.
         parts: relative standard errors of `mean` by their sources.
         wall_friction: friction of the side walls that it counts; None without `wall_gap`.
@@ -92,7 +80,6 @@ class Baseline(Record):
     reason: str | None = None
     points: tuple[Point, ...] = ()
     mean: Point | None = None
-    law: LawFit | None = None
     window: int | None = None
     parts: dict[str, float] | None = None
     carried: bool = False
@@ -200,9 +187,8 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
     if not mean.se < LARGEST_ERROR * mean.mu:
         worst = max(relative, key=lambda name: relative[name])
         reason = f"{_DISAGREEMENT[worst]} by {relative[worst]:.0%}"
-    law = _law(points, I0)
     friction = None if gap is None else side_walls.friction
-    return Baseline(reason, tuple(points), mean, law, window, relative, wall_friction=friction)
+    return Baseline(reason, tuple(points), mean, window, relative, wall_friction=friction)
 
 
 _DISAGREEMENT = {
@@ -332,24 +318,6 @@ def _parts(values: Float64 | Index, count: int) -> Index:
         return np.zeros(len(values), np.intp)
     edges = np.quantile(values, np.arange(1, count) / count)
     return np.asarray(np.searchsorted(edges, values, side="right"))
-
-
-def _law(points: list[Point], I0: float) -> LawFit | None:
-    """The law through the points by weighted least squares; it is linear in (mu_s, mu_2).
-
-    Standard deviations are widened by the scatter where that is larger than `se` states.
-    """
-    if len(points) < 3 or points[-1].I <= NARROW * points[0].I:
-        return None
-    i, mu, se = (np.array([getattr(p, name) for p in points]) for name in ("I", "mu", "se"))
-    if not np.isfinite(se).all() or not (se > 0).all():
-        return None
-    x = i / (i + I0)
-    matrix = np.stack([1 - x, x], axis=1) / se[:, None]
-    values = np.linalg.lstsq(matrix, mu / se, rcond=None)[0]
-    chi2 = float(np.sum((matrix @ values - mu / se) ** 2)) / (len(points) - 2)
-    sd = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)) * max(1.0, chi2))
-    return LawFit(float(values[0]), float(values[1]), I0, float(sd[0]), float(sd[1]))
 
 
 def make(inspection: Inspection) -> Baseline:
