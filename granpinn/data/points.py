@@ -456,10 +456,10 @@ def _with_walls(
     found = walls_of(flow, (own for _, own in filled_slabs(flow, _frames(flow, part))))
     if found is None:
         return sets
-    touch, held, facts = found
+    touch, facts = found
     warn_of_contradictions(facts)
-    points = placed(touch.x, touch.y, touch.t, flow, scales)
-    velocity = turned_and_rounded(scales.to_dimensionless(held.target, "velocity"), axes_of(flow))
+    points = placed(*touch.point.T, flow, scales)
+    velocity = turned_and_rounded(scales.to_dimensionless(touch.target, "velocity"), axes_of(flow))
     pressure = scales.to_dimensionless(touch.p, "pressure")
     used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
     rng = np.random.Generator(np.random.Philox(key=_KEY - 1))

@@ -89,5 +89,5 @@ def test_walls_that_go_to_and_fro_are_refused() -> None:
 
 def test_a_piece_of_one_place_is_refused() -> None:
     walls = Walls(x=np.array([0, 2, NAN, 1, 1]), y=np.array([0, 0, NAN, 0.5, 0.5]))
-    with pytest.raises(FlowFileError, match="points are all the same at index 3: give the ends"):
+    with pytest.raises(FlowFileError, match="two points that differ, got none in that at index 3"):
         check_flow(replace(make_flow(), walls=walls))
