@@ -25,7 +25,6 @@ from granpinn.data import (
     write_flow,
 )
 from granpinn.data import particles as particles_module
-from granpinn.data.particles import grid_view
 from granpinn.data.scaling import RESOLUTION, equation_constants, scales_of
 from tests.flows import make_flow
 
@@ -226,14 +225,6 @@ def test_particles_are_trained_on_and_drawn(tmp_path: Path) -> None:
         assert file["p"].shape == FLOW.c.shape
         assert file["p"].attrs["units"] == b"Pa"
         assert np.isfinite(file["u"][:][FLOW.material]).all()
-
-
-def test_a_view_that_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(particles_module, "available", lambda: 1000)
-    particles = FLOW.particles
-    assert particles is not None
-    with pytest.raises(FlowFileError, match=r"particles need a view of \d+ x \d+ x \d+ cells"):
-        grid_view(particles)
 
 
 @pytest.mark.parametrize("times", [1500, 3000])

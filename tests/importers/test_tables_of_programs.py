@@ -135,7 +135,7 @@ def test_zeros_may_be_missing() -> None:
         surface="none",
     )
     assert np.isnan(flow.u[:, 1, 1]).all()
-    with pytest.raises(DataFileError, match="zeros must be measured or missing"):
+    with pytest.raises(DataFileError, match="zeros must be 'measured', 'missing', got str 'no'"):
         read(arrays, zeros="no", dimensionless=True, grain_diameter="0.1")
 
 
