@@ -13,7 +13,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Index
 from granpinn.data.flow import Flow, FlowFileError, Particles
-from granpinn.data.schema import Layout, check_layout, particle_arrays_of
+from granpinn.data.schema import check_layout, particle_arrays_of
 from granpinn.declared import checked
 
 # A cell is this many times wider than the usual distance to the nearest grain.
@@ -70,8 +70,7 @@ def grid_view(particles: Particles) -> dict[str, Any]:
 
 def check_particles(particles: Particles) -> None:
     """Raises FlowFileError if shapes or types are wrong, or a value is impossible."""
-    arrays = particle_arrays_of(particles)
-    check_layout({name: Layout(a.shape, str(a.dtype)) for name, a in arrays.items()})
+    check_layout(particle_arrays_of(particles))
     for name, values in vars(particles).items():
         if values is None:
             continue

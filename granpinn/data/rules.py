@@ -24,7 +24,7 @@ from granpinn.data.flow import (
 from granpinn.data.large import slabs
 from granpinn.data.particles import check_particles
 from granpinn.data.scaling import initial_height
-from granpinn.data.schema import Layout, arrays_of, check_layout, grid_arrays_of
+from granpinn.data.schema import arrays_of, check_layout, grid_arrays_of
 from granpinn.data.wall_rules import check_walls
 from granpinn.declared import checked
 
@@ -42,7 +42,7 @@ SURFACE_MARGIN, SURFACE_CELLS = 0.1, 1.0
 def check_flow(flow: Flow) -> None:
     """Raises FlowFileError if the flow breaks a rule of the format."""
     for arrays in (arrays_of(flow), grid_arrays_of(flow)):
-        check_layout({name: Layout(a.shape, str(a.dtype)) for name, a in arrays.items()})
+        check_layout(arrays)
     check_values(flow)
 
 
