@@ -67,9 +67,9 @@ def _below(flow: Flow, surface: Surface) -> Bool:
     """Cells whose center lies below the line, and between its ends [T, Y, X]."""
     k, own = turned.quarters(flow), turned.upright(flow)
     line = turned.points(surface, k)
-    height = line_heights(own.t, own.x, line.t, line.x, line.y)[:, None]
+    height = line_heights(own.t, own.x, line)[:, None]
     found: Bool = own.y[:, None] < height
-    steep = folded(own.t, own.x, line.t, line.x, line.y)
+    steep = folded(own.t, own.x, line)
     for i, now in points_of(own.t, line.t) if steep.any() else ():
         points = np.stack([line.x[now], line.y[now]], 1)
         beside = _beside(own.x, own.y, own.material[i], points)

@@ -167,7 +167,7 @@ def _surface_stays(flow: Flow) -> bool:
     if line is None:
         height = own.c.sum(axis=1, dtype=np.float64) * step
     else:
-        height = line_heights(own.t, own.x, line.t, line.x, line.y)
+        height = line_heights(own.t, own.x, line)
     middle = np.stack([_mean(part) for part in np.array_split(height, PARTS)])
     moved = (middle - middle.mean(axis=0))[:, np.isfinite(middle).all(axis=0)]
     limit = max(flow.grain_diameter, step)
@@ -178,14 +178,14 @@ def _line(flow: Flow, surface: Surface, time: float) -> Surface:
     """The mean over the frames of a line with one height in every column; else all its points."""
     k, x = turned.quarters(flow), turned.upright(flow).x
     line = turned.points(surface, k)
-    folds = folded(flow.t, x, line.t, line.x, line.y).mean(axis=0)
+    folds = folded(flow.t, x, line).mean(axis=0)
     if flow.t.size == 1 or (folds > LEAST_FILLED).any():
         return replace(surface, t=np.full(surface.t.shape, time))
-    height = line_heights(flow.t, x, line.t, line.x, line.y)
+    height = line_heights(flow.t, x, line)
     kept = np.isfinite(height).mean(axis=0) >= LEAST_FILLED * np.isfinite(height).any(axis=1).mean()
     p = line.p
     if p is not None:
-        p = _mean(line_heights(flow.t, x, line.t, line.x, p.astype(np.float64)))[kept]
+        p = _mean(line_heights(flow.t, x, replace(line, y=p.astype(np.float64))))[kept]
         p = p.astype(np.float32)
     mean = Surface(np.full(int(kept.sum()), time), x[kept], _mean(height)[kept], p)
     return turned.points(mean, -k)

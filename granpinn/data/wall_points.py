@@ -186,26 +186,32 @@ def walls_of(
     """
     if flow.walls is None:
         return None
-    import pandas as pd  # slow to import, and only walls need it
-
     segments = segments_of(flow.walls)
-    touch = touch_of([flow] if parts is None else parts, segments)
-    table = pd.DataFrame({"wall": touch.wall, "closed": touch.closed, "p": touch.p})
-    table["sticks"] = np.where(touch.stated, touch.sticks, np.nan)
-    names = segments.names()
-    shares = table.groupby("wall").mean().reindex(range(len(names)))
+    touch, names = touch_of([flow] if parts is None else parts, segments), segments.names()
     points = np.bincount(touch.wall, minlength=len(names))
+
+    def mean(values: Bool | Float64, known: Bool) -> Float64:
+        """Of each wall; NaN without known values."""
+        count = np.bincount(touch.wall, known, len(names))
+        total = np.bincount(touch.wall, np.where(known, values, 0.0), len(names))
+        return np.divide(total, count, out=np.full(len(names), np.nan), where=count > 0)
+
+    closed, sticks = (
+        mean(touch.closed, np.ones(len(touch.wall), bool)),
+        mean(touch.sticks, touch.stated),
+    )
+    pressure = mean(touch.p, np.isfinite(touch.p))
     without_slip = np.bincount(segments.wall, segments.sticks, minlength=len(names)) > 0
     facts = [
         WallFacts(
             name=name,
             points=int(points[k]),
             stated=bool(without_slip[k]),
-            sticks=1.0 if np.isnan(row.sticks) else float(row.sticks),
-            closed=float(row.closed) if points[k] else 1.0,
-            pressure=None if np.isnan(row.p) else float(row.p),
+            sticks=1.0 if np.isnan(sticks[k]) else float(sticks[k]),
+            closed=1.0 if np.isnan(closed[k]) else float(closed[k]),
+            pressure=None if np.isnan(pressure[k]) else float(pressure[k]),
         )
-        for k, (name, row) in enumerate(zip(names, shares.itertuples(), strict=True))
+        for k, name in enumerate(names)
     ]
     return touch, facts
 

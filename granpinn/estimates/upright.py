@@ -57,8 +57,8 @@ def upright(flow: Flow, reach: int) -> Upright | str:
     flow = turned.upright(flow)
     load = 0.0, 0.0
     if free and (line := flow.surface) is not None:
-        height = line_heights(flow.t, flow.x, line.t, line.x, line.y)
-        steep = folded(flow.t, flow.x, line.t, line.x, line.y)
+        height = line_heights(flow.t, flow.x, line)
+        steep = folded(flow.t, flow.x, line)
     else:
         plate = _plate(flow)
         if plate is None:

@@ -52,7 +52,7 @@ def depth_of(flow: Flow, k: int) -> float:
         thick = flow.c[k].sum(axis=0, dtype=np.float64) * float(np.median(np.diff(flow.y)))
         return float(thick.mean())
     s = flow.surface
-    return float(np.nanmean(line_heights(flow.t[k : k + 1], flow.x, s.t, s.x, s.y)))
+    return float(np.nanmean(line_heights(flow.t[k : k + 1], flow.x, s)))
 
 
 def chute_of(

@@ -13,14 +13,19 @@ import pytest
 from granpinn.data import Flow, FlowFileError, Particles, particle_flow, read_flow, write_flow
 from granpinn.data.surface import (
     from_fraction,
+    moved,
     outward_normals,
     spacing,
     surface_sd,
-    with_moved_surface,
 )
 from tests.flows import make_flow
 
 FINE = {"frames": 4, "rows": 66, "columns": 120}
+
+
+def with_moved_surface(flow: Flow, offset: float) -> Flow:
+    assert flow.surface is not None
+    return replace(flow, surface=moved(flow, flow.surface, offset))
 
 
 def masked(flow: Flow) -> Flow:
@@ -64,9 +69,9 @@ def test_a_line_of_any_direction_moves_away_from_the_grains(turn: float) -> None
     assert flow.surface is not None
     x, y = 1 + 0.4 * np.cos(angle), 0.55 + 0.4 * np.sin(angle)
     line = replace(flow.surface, t=np.full(60, flow.t[1]), x=x, y=y, p=None)
-    moved = with_moved_surface(replace(flow, c=c, u=velocity, v=velocity, surface=line), 0.05)
-    assert moved.surface is not None
-    radius = np.hypot(moved.surface.x - 1.0, moved.surface.y - 0.55)
+    there = with_moved_surface(replace(flow, c=c, u=velocity, v=velocity, surface=line), 0.05)
+    assert there.surface is not None
+    radius = np.hypot(there.surface.x - 1.0, there.surface.y - 0.55)
     # The ends of the line have neighbors on one side alone.
     np.testing.assert_allclose(radius[3:-3], 0.45, atol=1e-3)
 
@@ -75,26 +80,21 @@ def test_few_points_move_against_gravity() -> None:
     flow = make_flow()
     assert flow.surface is not None
     two = replace(flow.surface, **{k: v[:2] for k, v in vars(flow.surface).items()})
-    moved = with_moved_surface(replace(flow, surface=two), 0.1).surface
-    assert moved is not None
-    np.testing.assert_allclose(moved.y - two.y, 0.1)
-    np.testing.assert_array_equal(moved.x, two.x)
-
-
-def test_a_flow_without_a_line_has_none_to_move() -> None:
-    with pytest.raises(FlowFileError, match="add the line"):
-        with_moved_surface(make_flow(surface=None), 0.1)
+    there = with_moved_surface(replace(flow, surface=two), 0.1).surface
+    assert there is not None
+    np.testing.assert_allclose(there.y - two.y, 0.1)
+    np.testing.assert_array_equal(there.x, two.x)
 
 
 @pytest.mark.parametrize("offset", [-1.0, -0.5, 0.5, 1.0])
 def test_the_fraction_shows_where_the_line_should_be(offset: float) -> None:
     """c falls through 1/2 on the line of `make_flow`, to a fraction of a cell."""
     flow = make_flow(**FINE)
-    moved = with_moved_surface(flow, offset * spacing(flow))
+    there = with_moved_surface(flow, offset * spacing(flow))
     assert flow.surface is not None
-    assert moved.surface is not None
+    assert there.surface is not None
     assert from_fraction(flow, flow.surface) < 0.1 * spacing(flow)
-    found = from_fraction(moved, moved.surface)
+    found = from_fraction(there, there.surface)
     assert found == pytest.approx(abs(offset) * spacing(flow), rel=0.2)
 
 

@@ -66,7 +66,7 @@ def words(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
             still = np.zeros((RELEASE + 1, *moving.shape[1:]))
             file[f"variables/{name}"] = np.concatenate([still, moving])
     wide = np.linspace(-0.5, 1.5, 400)  # the whole picture
-    height = np.nan_to_num(line_heights(flow.t, wide, line.t, line.x, line.y))
+    height = np.nan_to_num(line_heights(flow.t, wide, line))
     height[:, wide < -0.4] = 0.2  # something else in the picture
     with h5py.File(words[words.index("--surface") + 1], "w") as file:
         file["coordinates/time"], file["coordinates/x"] = t, wide
