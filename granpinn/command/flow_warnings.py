@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, cast
 
 from granpinn.data import FlowFileWarning
 from granpinn.terminal import say
@@ -24,5 +24,5 @@ def in_one_line() -> Iterator[None]:
             else:
                 shown(message, category, *place)
 
-        warnings.showwarning = show
+        warnings.showwarning = cast(Any, show)
         yield

@@ -453,7 +453,8 @@ def _with_walls(
         return sets
     touch, facts = found
     warn_of_contradictions(facts)
-    points = placed(*touch.point.T, flow, scales)
+    x, y, t = touch.point.T
+    points = placed(x, y, t, flow, scales)
     velocity = turned_and_rounded(scales.to_dimensionless(touch.target, "velocity"), axes_of(flow))
     pressure = scales.to_dimensionless(touch.p, "pressure")
     used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)

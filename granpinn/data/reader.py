@@ -46,7 +46,7 @@ def is_flow_file(path: Path) -> bool:
     """Whether a file is a flow file, from its attribute."""
     try:
         file = read_hdf5(path, [], DEFAULT_MAX_BYTES, _RAISE)
-        return file.attributes.text("format_name") == FORMAT_NAME
+        return bool(file.attributes.text("format_name") == FORMAT_NAME)
     except UnsafeFileError:  # no HDF5, or another kind of it
         return False
 

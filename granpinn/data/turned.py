@@ -27,11 +27,10 @@ def vector(x: Any, y: Any, k: int) -> tuple[Any, Any]:
 
 def points(some: Points, k: int) -> Points:
     """Points of the surface or of walls in axes that are turned by k quarters."""
-    x, y = vector(some.x, some.y, k)
+    changes = dict(zip("xy", vector(some.x, some.y, k), strict=True))
     if isinstance(some, Walls) and some.u is not None:
-        u, v = vector(some.u, some.v, k)
-        return replace(some, x=x, y=y, u=u, v=v)
-    return replace(some, x=x, y=y)
+        changes |= zip("uv", vector(some.u, some.v, k), strict=True)
+    return replace(some, **changes)
 
 
 def grid(values: Any, k: int) -> Any:

@@ -194,7 +194,8 @@ def walls_of(
         """Of each wall; NaN without known values."""
         count = np.bincount(touch.wall, known, len(names))
         total = np.bincount(touch.wall, np.where(known, values, 0.0), len(names))
-        return np.divide(total, count, out=np.full(len(names), np.nan), where=count > 0)
+        unknown = np.full(len(names), np.nan)
+        return np.asarray(np.divide(total, count, out=unknown, where=count > 0))
 
     closed, sticks = (
         mean(touch.closed, np.ones(len(touch.wall), bool)),

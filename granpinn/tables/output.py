@@ -172,7 +172,7 @@ def csv_rows(study: Study) -> list[dict[str, Any]]:
     rows = []
     for table in tables_of(study.rows):
         for row, paper in table.rows:
-            cells = {"table": table.title.partition(":")[0], "case": row.name}
+            cells: dict[str, Any] = {"table": table.title.partition(":")[0], "case": row.name}
             cells |= {name: getattr(row, name) for name in ("noise", "level")}
             cells |= {f"true_{name}": getattr(row.truth, name, None) for name in free}
             cells |= row.fixed | {n: getattr(row, n) for n in ("n_points", "members", "failed")}
