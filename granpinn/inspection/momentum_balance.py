@@ -105,22 +105,23 @@ class Baseline(Record):
     @property
     def sentence(self) -> str:
         """The friction in a sentence, without the network."""
-        if not self.shown:
-            return f"The momentum balance alone, without a network, does not apply: {self.reason}."
-        text = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
-        return f"The momentum balance alone, without a network, gives mu = {text}{self._walls}."
+        verb = "gives" if self.shown else "does"
+        return f"The momentum balance alone, without a network, {verb} {self._found}."
 
     @property
-    def _walls(self) -> str:
+    def _found(self) -> str:
+        """The friction, or why there is none."""
+        if not self.shown:
+            return f"not apply: {self.reason}"
         friction = self.wall_friction
-        return "" if friction is None else f", with the friction {friction:g} of the side walls"
+        walls = "" if friction is None else f", with the friction {friction:g} of the side walls"
+        values = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
+        return f"mu = {values}{walls}"
 
     def __str__(self) -> str:
         """The line for the terminal."""
-        if not self.shown:
-            return f"momentum balance, no network: it does not apply: {self.reason}"
-        values = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
-        return f"momentum balance, no network: mu = {values}{self._walls}"
+        start = "" if self.shown else "it does "
+        return f"momentum balance, no network: {start}{self._found}"
 
 
 def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) -> Baseline:
@@ -172,7 +173,7 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
     at = np.array([*(p.I for p in points), mean.I])
     of_window, of_walls = (cells.change(other, at, I0) for other in (wider, rougher))
     of_noise = cells.changes(noisier)
-    of_depth = np.abs(upper.curve(at, I0) - lower.curve(at, I0)) / 2
+    of_depth = np.abs(cells.curve(at, I0, upper) - cells.curve(at, I0, lower)) / 2
     scatter = np.array([*(p.se for p in points), mean.se])
     of_model = MODEL * np.array([*(p.mu for p in points), mean.mu])
     parts = {"scatter": scatter, "window": of_window, "depth": of_depth, "model": of_model}
@@ -263,16 +264,17 @@ class _Cells:
         i, mu = np.average(self.I[k], weights=normal), shear.sum() / normal.sum()
         return Point(float(i), float(mu), float(np.sqrt(scatter)), len(k))
 
-    def halves(self) -> tuple[_Cells, _Cells]:
+    def halves(self) -> tuple[Bool, Bool]:
         """The upper and the lower half of the cells of every bin."""
         upper: Bool = np.zeros(len(self.I), bool)
         for k in self.bins():
             upper[k] = self.depth[k] < np.median(self.depth[k])
-        return self._some(upper & self.within), self._some(~upper & self.within)
+        return upper & self.within, ~upper & self.within
 
-    def curve(self, at: Float64, I0: float) -> Float64:
-        """mu at inertial numbers, of the law that the cells within the range fit best."""
-        x, p, s = (a[self.within] for a in (self.I / (self.I + I0), self.normal, self.shear))
+    def curve(self, at: Float64, I0: float, some: Bool | None = None) -> Float64:
+        """mu at inertial numbers, of the law that some cells, or all in the range, fit best."""
+        k = self.within if some is None else some
+        x, p, s = (a[k] for a in (self.I / (self.I + I0), self.normal, self.shear))
         low, high = self.range
         y = at / (at + I0)
         if high <= NARROW * low:
@@ -303,13 +305,6 @@ class _Cells:
         if isinstance(other, str):
             return np.zeros_like(at)
         return np.asarray(np.abs(_Cells(other).curve(at, I0) - self.curve(at, I0)))
-
-    def _some(self, k: Bool) -> _Cells:
-        some = object.__new__(_Cells)
-        for name in ("I", "shear", "normal", "depth", "block", "within"):
-            setattr(some, name, getattr(self, name)[k])
-        some.range, some.fewest = self.range, self.fewest
-        return some
 
 
 def _parts(values: Float64 | Index, count: int) -> Index:
