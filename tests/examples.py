@@ -11,7 +11,7 @@ import torch
 from granpinn.checks.momentum_balance import Difference, MomentumBalance
 from granpinn.data import Flow, Truth
 from granpinn.data.scaling import scales_of
-from granpinn.inspection.momentum_balance import Baseline, LawFit, Point
+from granpinn.inspection.momentum_balance import Baseline, Point
 from granpinn.kernels.network import OUTPUTS, NetworkSpec, initial_parameters
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import DEFAULT, FrictionLaw
@@ -42,7 +42,6 @@ PARAMETERS = Parameters(
 BASELINE = Baseline(
     points=(Point(0.01, 0.41, 0.01, 40), Point(0.06, 0.44, 0.01, 40), Point(0.2, 0.5, 0.01, 40)),
     mean=Point(0.05, 0.43, 0.01, 120),
-    law=LawFit(0.4, 0.63, 0.3, 0.01, 0.04),
     window=2,
     parts={"scatter": 0.01, "window": 0.0, "depth": 0.01, "model": 0.02},
 )

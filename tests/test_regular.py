@@ -15,7 +15,7 @@ import granpinn
 from granpinn import importers
 from granpinn.commands import convert, inspect, train
 from granpinn.commands import tables as tables_command
-from granpinn.config.toml import read_saved, read_toml
+from granpinn.config.toml import read_toml
 from granpinn.data import read_flow
 from granpinn.fit.network import read_network
 from granpinn.importers import formats
@@ -48,7 +48,6 @@ def newest_beside(path: Path) -> None:
 READERS: dict[str, Callable[[Path], object]] = {
     "text": read_text,
     "settings": read_toml,
-    "settings of a run": read_saved,
     "flow": read_flow,
     "results.json": read_results,
     "history.csv": read_history,

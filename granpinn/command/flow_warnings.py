@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TextIO
+from typing import Any, cast
 
 from granpinn.data import FlowFileWarning
 from granpinn.terminal import say
@@ -18,18 +18,11 @@ def in_one_line() -> Iterator[None]:
         warnings.simplefilter("default", FlowFileWarning)
         shown = warnings.showwarning
 
-        def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
-        ) -> None:
+        def show(message: Any, category: type[Warning], *place: Any) -> None:
             if issubclass(category, FlowFileWarning):
                 say(f"warning: {message}")
             else:
-                shown(message, category, filename, lineno, file, line)
+                shown(message, category, *place)
 
-        warnings.showwarning = show
+        warnings.showwarning = cast(Any, show)
         yield

@@ -33,7 +33,7 @@ from granpinn.command.cli import Command
 from granpinn.command.parser import Parser, program
 from granpinn.config import Config, ConfigError, settings_of
 from granpinn.config.fields import sections_of
-from granpinn.config.toml import read_saved, read_toml
+from granpinn.config.toml import read_toml
 from granpinn.physics.laws import LAWS
 
 # Without a flow file: the collapse that comes with the package, in fewer steps than by default.
@@ -124,7 +124,7 @@ def parse(argv: Sequence[str]) -> Arguments:
         values.setdefault("out", DEMONSTRATION["out"])
     saved = Path(flags.get("out") or values.get("out") or "") / "config.toml"
     if flags.get("resume", values.get("resume")) and saved.exists():
-        values = read_saved(saved) | values
+        values = read_toml(saved) | values
     values |= flags
     if values.get("flow") is None and not values.get("resume"):
         values = _demonstration(values)

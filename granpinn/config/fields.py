@@ -94,25 +94,6 @@ def section(kind: type, *, free: bool = False) -> Any:
     return field(default_factory=kind, metadata={"free": free})
 
 
-def settings_group(cls: type[C]) -> type[C]:
-    """A dataclass of settings that refuses unknown names in one sentence."""
-    made: Any = cls
-    plain = made.__init__
-    known = [f.name for f in dataclasses.fields(made)]
-
-    @functools.wraps(plain)
-    def init(self: Any, *values: Any, **given: Any) -> None:
-        for name in given:
-            if name not in known:
-                raise ConfigError(unknown(f"{cls.__name__}.{name}", name, known))
-        if len(values) > len(known):
-            raise ConfigError(f"{cls.__name__} has {len(known)} settings, got {len(values)} values")
-        plain(self, *values, **given)
-
-    made.__init__ = init
-    return cls
-
-
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """The known name that is most like `name`, which may lack its section; None without one."""
     names = {key: key for key in known}

@@ -10,13 +10,12 @@ import math
 from dataclasses import dataclass, make_dataclass
 from typing import Any, Literal
 
-from granpinn.config.fields import ConfigError, setting, settings_group
+from granpinn.config.fields import ConfigError, setting
 from granpinn.physics.terms import TERMS
 
 NEARLY_1 = 1 - 1e-6  # a mean with a factor of 1 would never move
 
 
-@settings_group
 @dataclass(frozen=True)
 class Network:
     """The network (x, y, t) -> fields."""
@@ -38,7 +37,6 @@ class Network:
     )
 
 
-@settings_group
 @dataclass(frozen=True)
 class Rheology:
     """The parameters of the friction law as unknowns."""
@@ -84,7 +82,6 @@ _Sigmas: Any = make_dataclass(
 )
 
 
-@settings_group
 @dataclass(frozen=True)
 class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each row of TERMS
     """Standard deviation sigma of each residual: a term weighs 1/sigma^2, inf leaves it out."""
@@ -110,7 +107,6 @@ class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each
         return float(getattr(self, f"sigma_{term}"))
 
 
-@settings_group
 @dataclass(frozen=True)
 class SideWalls:
     """Friction on the two side walls of a narrow channel, where the flow file has `wall_gap`.
@@ -134,7 +130,6 @@ class SideWalls:
     )
 
 
-@settings_group
 @dataclass(frozen=True)
 class Batch:
     """Points of one step, drawn with replacement as a function of (seed, step)."""
@@ -149,7 +144,6 @@ class Batch:
     )
 
 
-@settings_group
 @dataclass(frozen=True)
 class Optimizer:
     """How the loss is minimised."""
@@ -185,7 +179,6 @@ class Optimizer:
     )
 
 
-@settings_group
 @dataclass(frozen=True)
 class ProfileSettings:
     """What --free-I0 trains: one batch over a grid of I0, each value with several seeds."""
@@ -216,7 +209,6 @@ class ProfileSettings:
     )
 
 
-@settings_group
 @dataclass(frozen=True)
 class PressureSettings:
     """The pressure of a simulation, where the grains are at rest."""
@@ -235,7 +227,6 @@ class PressureSettings:
     )
 
 
-@settings_group
 @dataclass(frozen=True)
 class ResimulationSettings:
     """The simulation that --resimulate compares with the data."""

@@ -13,26 +13,6 @@ from granpinn.config.values import NONE, typed
 from granpinn.regular import read_text
 
 MAX_BYTES = 2**20
-RENAMED = {"walls": "side_walls"}  # sections of older versions
-
-
-class OtherVersionError(ConfigError):
-    """A file has a setting that only another version knows, named by `what`."""
-
-    def __init__(self, message: str, what: str) -> None:
-        super().__init__(message)
-        self.what = what
-
-
-def read_saved(path: Path) -> dict[str, Any]:
-    """Dotted settings of config.toml in the folder of a run that is to be resumed."""
-    try:
-        return read_toml(path)
-    except OtherVersionError as error:
-        raise ConfigError(
-            f"{path.parent} holds a run of another version of granpinn (its config.toml has "
-            f"{error.what}): resume it with that version, or begin anew with another folder"
-        ) from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -51,15 +31,9 @@ def read_toml(path: Path) -> dict[str, Any]:
         else:
             values[key] = value
     for key, value in values.items():
-        old = key.partition(".")[0]
-        if old in RENAMED:
-            raise OtherVersionError(
-                f"{path} has the section [{old}], which is now [{RENAMED[old]}]: rename it there",
-                f"the section [{old}]",
-            )
         if key not in known:
-            raise OtherVersionError(
-                f"{path} has the {unknown(key, key, known)}", f"the unknown setting {key}"
+            raise ConfigError(
+                f"{path}, perhaps of another version, has the {unknown(key, key, known)}"
             )
         _, optional = without_none(known[key].kind)
         value = None if optional and value == NONE else value

@@ -15,10 +15,10 @@ from itertools import combinations
 import numpy as np
 
 from granpinn.arrays import Bool, Float64, Floats, Index
+from granpinn.data import turned
 from granpinn.data.flow import Flow
 from granpinn.data.large import slabs
 from granpinn.data.walls import Segments, crossed, segments_of
-from granpinn.physics.axes import vertical_coordinate
 
 # Of Philox; the same points for every seed, so that the members of an ensemble share them.
 _KEY = 3 << 64
@@ -30,29 +30,22 @@ def above_ground(flow: Flow, lowest: int | None = None) -> Bool:
     Args:
         lowest: the lowest row of the flow of which this is a part.
     """
-    grains = flow.material & flow.after_start(flow.t)[:, None, None]
-    rows = [k for k in (lowest_row(flow), lowest) if k is not None]
-    lower = max if vertical_coordinate(flow.gravity)[1] else min
-    return without_row(grains, flow.gravity, lower(rows, default=None))
+    k, grains = turned.quarters(flow), flow.material & flow.after_start(flow.t)[:, None, None]
+    upright = np.ascontiguousarray(turned.grid(grains, k))
+    rows = [row for row in (lowest_row(flow), lowest) if row is not None]
+    if rows:
+        upright[:, min(rows)] = False
+    return np.asarray(turned.grid(upright, -k))
 
 
 def lowest_row(flow: Flow) -> int | None:
-    """The lowest row of cells full of grains that count, or column if gravity is along x."""
-    coordinate, downwards = vertical_coordinate(flow.gravity)
-    lowest = []
-    for k in slabs(flow):
-        grains = (flow.c[k] >= 1) & flow.after_start(flow.t[k])[:, None, None]
-        lowest.append(np.flatnonzero(grains.any(axis=(0, 1 + coordinate))))
+    """The lowest row of cells full of grains that count, in upright axes (turned.py)."""
+    k, lowest = turned.quarters(flow), []
+    for part in slabs(flow):
+        grains = (flow.c[part] >= 1) & flow.after_start(flow.t[part])[:, None, None]
+        lowest.append(np.flatnonzero(turned.grid(grains, k).any(axis=(0, 2))))
     rows = np.concatenate(lowest)
-    return int(rows.max() if downwards else rows.min()) if rows.size else None
-
-
-def without_row(grains: Bool, gravity: tuple[float, float], row: int | None) -> Bool:
-    """A copy of `grains` [T, Y, X] without a row, as `lowest_row` counts them."""
-    above = grains.copy()
-    if row is not None:
-        np.moveaxis(above, 2 - vertical_coordinate(gravity)[0], 0)[row] = False
-    return above
+    return int(rows.min()) if rows.size else None
 
 
 def points_between(

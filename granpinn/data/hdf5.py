@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.schema import Layout
 from granpinn.foreign import read_foreign
 from granpinn.regular import RETRY, UnsafeFileError, open_regular_file
 
@@ -28,20 +27,37 @@ class Attributes:
     def __contains__(self, name: str) -> bool:
         return name in self.values
 
-    def text(self, name: str) -> str | None:
-        """A text, None if there is none; UnsafeFileError for anything else."""
-        value = self.values.get(name)
+    def text(self, name: str, required: bool = False) -> Any:
+        """A text, None if there is none and none is required; UnsafeFileError for anything else."""
+        value = self._known(name, required)
         if value is None or isinstance(value, str):
             return value
         raise self._wrong(name, "one text", "numpy.bytes_")
 
-    def numbers(self, name: str) -> tuple[float, ...] | None:
-        """Numbers, of int for an integer type, None if there are none; UnsafeFileError for anything
-        else."""
-        value = self.values.get(name)
+    def numbers(self, name: str, required: bool = False) -> Any:
+        """A tuple of numbers, of int for an integer type; None and errors as of `text`."""
+        value = self._known(name, required)
         if value is None or isinstance(value, list):
             return None if value is None else tuple(value)
         raise self._wrong(name, "a number", "float64")
+
+    def number(self, name: str, required: bool = False) -> Any:
+        """One number; None and errors as of `text`."""
+        values = self.numbers(name, required)
+        if values is None:
+            return None
+        if len(values) != 1:
+            raise UnsafeFileError(
+                f"the attribute {name} must be one number, got {len(values)}: correct it"
+            )
+        return float(np.float64(values[0]))
+
+    def _known(self, name: str, required: bool) -> Any:
+        if required and name not in self.values:
+            raise UnsafeFileError(
+                f"the attribute {name} is missing: add it to the root of the file"
+            )
+        return self.values.get(name)
 
     def scalars(self, known: frozenset[str]) -> dict[str, str | float]:
         """All texts and single numbers except the known ones."""
@@ -64,7 +80,8 @@ class Attributes:
 class Dataset:
     """A dataset; `values` is None unless it holds numbers."""
 
-    layout: Layout
+    shape: tuple[int, ...]
+    dtype: str
     attributes: Attributes
     values: npt.NDArray[Any] | None
 
@@ -101,8 +118,7 @@ def read_hdf5(path: Path, names: list[str], max_bytes: int, remedy: str) -> Hdf5
         values, shape = part.get("values"), tuple(part["shape"])
         if "place" in part:
             values = _mapped(image, part["dtype"], shape, part["place"])
-        layout = Layout(shape, part["dtype"])
-        datasets[name] = Dataset(layout, Attributes(part["attributes"]), values)
+        datasets[name] = Dataset(shape, part["dtype"], Attributes(part["attributes"]), values)
     return Hdf5File(Attributes(found["attributes"]), datasets, sha256)
 
 

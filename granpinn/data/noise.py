@@ -41,30 +41,15 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
     if sd == 0:
         return flow
     sigma = sd * max_speed(flow) / math.sqrt(flow.averaged)
-    surface = _noisy_surface(flow.surface, sd, seed)
-    if flow.particles is not None:
-        return _on_particles(flow, flow.particles, sigma, seed, surface)
-    return replace(
-        _noisy_vectors(flow, sigma, seed),
-        sigma_u=_in_quadrature(flow.sigma_u, sigma),
-        sigma_v=_in_quadrature(flow.sigma_v, sigma),
-        surface=surface,
-    )
-
-
-def _on_particles(
-    flow: Flow, particles: Particles, sigma: float, seed: int, surface: Surface | None
-) -> Flow:
-    noisy = _noisy_vectors(particles, sigma, seed)
-    sigma_u, sigma_v = flow.sigma_u, flow.sigma_v
-    if particles.sigma_u is not None and particles.sigma_v is not None:
-        pair = np.stack([particles.sigma_u, particles.sigma_v]).astype(np.float64)
-        both = np.hypot(pair, sigma).astype(np.float32)
-        noisy = replace(noisy, sigma_u=both[0], sigma_v=both[1])
+    noisy = replace(flow, surface=_noisy_surface(flow.surface, sd, seed))
+    if flow.particles is None:
+        return _with_sigma(_noisy_vectors(noisy, sigma, seed), sigma)
+    particles = _noisy_vectors(flow.particles, sigma, seed)
+    if particles.sigma_u is None or particles.sigma_v is None:
+        noisy = _with_sigma(noisy, sigma)
     else:
-        sigma_u, sigma_v = _in_quadrature(sigma_u, sigma), _in_quadrature(sigma_v, sigma)
-    view = grid_view(noisy)
-    return replace(flow, **view, particles=noisy, sigma_u=sigma_u, sigma_v=sigma_v, surface=surface)
+        particles = _with_sigma(particles, sigma)
+    return replace(noisy, **grid_view(particles), particles=particles)
 
 
 def known_sd(flow: Flow) -> float:
@@ -110,6 +95,13 @@ def _noisy_vectors(vectors: Vectors, sigma: float, seed: int) -> Vectors:
     """A flow or particles with noise on u and v."""
     u = _noisy(vectors.u, sigma, seed, _STREAM_U)
     return replace(vectors, u=u, v=_noisy(vectors.v, sigma, seed, _STREAM_V))
+
+
+def _with_sigma(vectors: Vectors, added: float) -> Vectors:
+    """A flow or particles with the standard deviations of a sum of independent errors."""
+    sigmas = {name: getattr(vectors, name) for name in ("sigma_u", "sigma_v")}
+    sums: dict[str, Any] = {name: _in_quadrature(known, added) for name, known in sigmas.items()}
+    return replace(vectors, **sums)
 
 
 def _noisy_surface(surface: Surface | None, sd: float, seed: int) -> Surface | None:

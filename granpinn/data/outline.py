@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float64, Index
+from granpinn.arrays import Index
+from granpinn.data import turned
 from granpinn.data.flow import SOLVER_CELL, Flow, FlowFileError, Surface
 from granpinn.data.large import chosen
 from granpinn.data.local_planes import smoothed
 from granpinn.data.partial_cells import filled_slabs
-from granpinn.data.walls import crossed, segments_of
-from granpinn.physics.axes import vertical_coordinate
+from granpinn.data.walls import parted, segments_of
 
 NO_ROW = -1
 # In the toe the layer is thinner than this many grains, and p = 0 does not hold. A flow with
@@ -50,8 +50,9 @@ def surface_of(flow: Flow, level: str) -> Surface:
 
 def outline(flow: Flow) -> Surface:
     """The upper edge of the grains, with one point for every time and place along the ground."""
-    rows = [_highest_rows(part) for _, part in filled_slabs(flow)]
-    return _outline_above(np.concatenate(rows), flow)
+    rows = [_highest_rows(turned.upright(part)) for _, part in filled_slabs(flow)]
+    found = _outline_above(np.concatenate(rows), turned.upright(flow))
+    return turned.points(found, -turned.quarters(flow))
 
 
 def _highest_rows(flow: Flow) -> Index:
@@ -60,16 +61,15 @@ def _highest_rows(flow: Flow) -> Index:
     Grains at the upper edge of the grid are left out, because nothing is known above them; and so
     are grains with a wall less than two cells above them.
     """
-    up, along, upright = _upwards(flow)
-    grains = flow.material if upright else flow.material.swapaxes(1, 2)
-    if up[0] > up[-1]:
-        grains = grains[:, ::-1]
-    rows: Index = up.size - 1 - np.argmax(grains[:, ::-1], axis=1)
-    rows[~grains.any(axis=1) | (rows == up.size - 1)] = NO_ROW
+    grains, y = flow.material, flow.y
+    rows: Index = y.size - 1 - np.argmax(grains[:, ::-1], axis=1)
+    rows[~grains.any(axis=1) | (rows == y.size - 1)] = NO_ROW
+    if flow.walls is None:
+        return rows
     frame, place = np.nonzero(rows != NO_ROW)
-    k = rows[frame, place]
-    ends = up[k], 2 * up[k + 1] - up[k]
-    covered = _below_wall(flow, frame, along[place], ends, upright)
+    k, x, segments = rows[frame, place], flow.x[place], segments_of(flow.walls)
+    low, high = (np.stack((x, h), 1) for h in (y[k], 2 * y[k + 1] - y[k]))
+    covered = parted(low, high, flow.t[frame], segments)
     rows[frame[covered], place[covered]] = NO_ROW
     return rows
 
@@ -87,37 +87,12 @@ def _outline_above(rows: Index, flow: Flow) -> Surface:
     grains only if all of the cell does, up to its upper corner: on average the edge is half a cell
     higher, and on a slope another half of what it rises over a cell.
     """
-    up, along, upright = _upwards(flow)
-    gap = np.diff(up)[rows]  # negative where the ground is at large coordinates
-    half_way = np.where(rows != NO_ROW, up[rows] + gap / 2, np.nan)
-    heights, rise = smoothed(half_way, np.abs(gap))
-    if along.size > 1:
-        rise /= np.gradient(along)
+    gap = np.diff(flow.y)[rows]
+    half_way = np.where(rows != NO_ROW, flow.y[rows] + gap / 2, np.nan)
+    heights, rise = smoothed(half_way, gap)
+    if flow.x.size > 1:
+        rise /= np.gradient(flow.x)
     cell = flow.stated(SOLVER_CELL) or 0.0
-    heights += np.sign(gap) * np.minimum(cell, np.abs(gap)) / 2 * (1 + np.abs(rise))
+    heights += np.minimum(cell, gap) / 2 * (1 + np.abs(rise))
     frame, place = np.nonzero(np.isfinite(heights))
-    top, position = heights[frame, place], along[place]
-    x, y = (position, top) if upright else (top, position)
-    return Surface(flow.t[frame], x, y)
-
-
-def _upwards(flow: Flow) -> tuple[Float64, Float64, bool]:
-    """The coordinates against gravity, from the ground up, and along it; whether the first is y."""
-    coordinate, downwards = vertical_coordinate(flow.gravity)
-    up, along = (flow.y, flow.x) if coordinate else (flow.x, flow.y)
-    return up[::-1] if downwards else up, along, bool(coordinate)
-
-
-def _below_wall(
-    flow: Flow, frame: Index, along: Float64, up: tuple[Float64, Float64], upright: bool
-) -> Bool:
-    """Whether a wall lies between two heights at places along the ground, in frames [n]."""
-    covered = np.zeros(len(frame), bool)
-    if flow.walls is None:
-        return covered
-    segments = segments_of(flow.walls)
-    low, high = (np.stack((along, h) if upright else (h, along), 1) for h in up)
-    for k in np.unique(frame):
-        own = frame == k
-        covered[own] = crossed(low[own], high[own], segments.at(float(flow.t[k])))
-    return covered
+    return Surface(flow.t[frame], flow.x[place], heights[frame, place])

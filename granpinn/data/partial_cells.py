@@ -17,11 +17,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
+from granpinn.data import turned
 from granpinn.data.flow import SOLVER_CELL, Flow, Surface
 from granpinn.data.large import is_large, slabs, some_frames
 from granpinn.data.surface import folded, line_heights, points_of
 from granpinn.data.walls import Segments, parted, segments_of
-from granpinn.physics.axes import vertical_coordinate
 
 FILLED = 0.5  # least c of a cell that counts where there is no surface line
 
@@ -65,18 +65,16 @@ def filled_slabs(
 
 def _below(flow: Flow, surface: Surface) -> Bool:
     """Cells whose center lies below the line, and between its ends [T, Y, X]."""
-    upright, downwards = vertical_coordinate(flow.gravity)
-    up, along = (flow.y, flow.x) if upright else (flow.x, flow.y)
-    line_up, line_along = (surface.y, surface.x) if upright else (surface.x, surface.y)
-    line = surface.t, line_along, line_up
-    height = line_heights(flow.t, along, *line)[:, None]
-    found = (up[:, None] > height) if downwards else (up[:, None] < height)
-    steep = folded(flow.t, along, *line)
-    for k, now in points_of(flow.t, surface.t) if steep.any() else ():
-        full = flow.material[k] if upright else flow.material[k].T
-        points = np.stack([line_along[now], line_up[now]], 1)
-        found[k][:, steep[k]] = _beside(along, up, full, points)[:, steep[k]]
-    return found if upright else found.swapaxes(1, 2)
+    k, own = turned.quarters(flow), turned.upright(flow)
+    line = turned.points(surface, k)
+    height = line_heights(own.t, own.x, line)[:, None]
+    found: Bool = own.y[:, None] < height
+    steep = folded(own.t, own.x, line)
+    for i, now in points_of(own.t, line.t) if steep.any() else ():
+        points = np.stack([line.x[now], line.y[now]], 1)
+        beside = _beside(own.x, own.y, own.material[i], points)
+        found[i][:, steep[i]] = beside[:, steep[i]]
+    return np.asarray(turned.grid(found, -k))
 
 
 def _beside(along: Float64, up: Float64, full: Bool, line: Float64) -> Bool:

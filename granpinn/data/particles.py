@@ -13,8 +13,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Index
 from granpinn.data.flow import Flow, FlowFileError, Particles
-from granpinn.data.memory import available
-from granpinn.data.schema import Layout, check_layout, particle_arrays_of
+from granpinn.data.schema import check_layout, particle_arrays_of
 from granpinn.declared import checked
 
 # A cell is this many times wider than the usual distance to the nearest grain.
@@ -22,7 +21,6 @@ CELL = 2.5
 MAX_FRAMES = 1000
 MAX_CELLS = 20_000_000  # of the view, over all frames
 MAX_AXIS = 400
-BYTES_PER_CELL = 37  # of the view, at the peak
 _SAMPLED_FRAMES = 5
 
 
@@ -44,7 +42,7 @@ def grid_view(particles: Particles) -> dict[str, Any]:
         The fields t, y, x, u, v, c of a Flow.
 
     Raises:
-        FlowFileError: the vectors do not span a time and an area, or the memory is too small.
+        FlowFileError: the vectors do not span a time and an area.
     """
     check_particles(particles)
     t = np.unique(particles.t)
@@ -58,7 +56,6 @@ def grid_view(particles: Particles) -> dict[str, Any]:
     x, column = _axis("x", particles.x, cell)
     y, row = _axis("y", particles.y, cell)
     shape = (t.size, y.size, x.size)
-    _require_memory(shape)
     place = np.ravel_multi_index((frame, row, column), shape)
     count = np.bincount(place, minlength=math.prod(shape))
 
@@ -71,20 +68,9 @@ def grid_view(particles: Particles) -> dict[str, Any]:
     return {"t": t, "y": y, "x": x, "u": means(particles.u), "v": means(particles.v), "c": c}
 
 
-def _require_memory(shape: tuple[int, int, int]) -> None:
-    need, free = BYTES_PER_CELL * math.prod(shape), available()
-    if need > free:
-        cells = " x ".join(map(str, shape))
-        raise FlowFileError(
-            f"particles need a view of {cells} cells, {need / 2**30:.3g} GiB of memory, got "
-            f"{free / 2**30:.3g} GiB: use fewer frames or a larger machine"
-        )
-
-
 def check_particles(particles: Particles) -> None:
     """Raises FlowFileError if shapes or types are wrong, or a value is impossible."""
-    arrays = particle_arrays_of(particles)
-    check_layout({name: Layout(a.shape, str(a.dtype)) for name, a in arrays.items()})
+    check_layout(particle_arrays_of(particles))
     for name, values in vars(particles).items():
         if values is None:
             continue

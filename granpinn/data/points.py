@@ -187,13 +187,10 @@ def training_sets(
     if len(variants) > 1:
         union = replace(union, c=np.max([variant.c for variant, _ in variants], axis=0))
     _require_distinct(union, scales, dtype)
-    full, some = vector_counts(union)
-    part = min(1.0, MOST_VECTORS / max(1, full))
-    made = _Made(variants, union, scales, level, dtype, collocation, part, some)
+    made = _Made(variants, union, scales, level, dtype, collocation)
     for frames, own in filled_slabs(union, ahead=1):
         made.add(frames, own)
-    sets = made.joined()
-    sets = _with_walls(sets, flow, scales, part)
+    sets = _with_walls(made.joined(), flow, scales, made.part)
     if flow.source is None:
         return sets
     return [
@@ -245,38 +242,36 @@ class _Rows:
         return self._block[: self._count]
 
 
+@dataclass
 class _Made:
     """The points that were made of the slabs of a flow so far, for all variants.
 
     Args:
         flow: of all variants, with the cells that are full in any of them.
-        part: of the vectors that train.
-        some: vectors in cells with any grains.
     """
 
-    def __init__(
-        self,
-        variants: Sequence[tuple[Flow, Surface]],
-        flow: Flow,
-        scales: Scales,
-        level: str,
-        dtype: torch.dtype,
-        collocation: float,
-        part: float,
-        some: int,
-    ) -> None:
-        self.variants, self.flow, self.scales, self.level = variants, flow, scales, level
-        self.collocation = 0.0 if flow.particles is not None else collocation
-        self.dtype, self.part, self.frames = dtype, part, _frames(flow, part)
+    variants: Sequence[tuple[Flow, Surface]]
+    flow: Flow
+    scales: Scales
+    level: str
+    dtype: torch.dtype
+    collocation: float
+
+    def __post_init__(self) -> None:
+        flow, dtype, count = self.flow, self.dtype, len(slabs(self.flow))
+        full, some = vector_counts(flow)
+        self.part = min(1.0, MOST_VECTORS / max(1, full))  # of the vectors that train
+        self.frames = _frames(flow, self.part)
+        self.collocation = 0.0 if flow.particles is not None else self.collocation
         self.row = lowest_row(flow) if self.collocation else None
-        most = math.ceil(part * some) + len(slabs(flow))
+        most = math.ceil(self.part * some) + count
         self.points, self.velocity = _Rows(most, 3, dtype), _Rows(most, 2, dtype)
-        self.between = _Rows(round(self.collocation * most) + len(slabs(flow)), 3, dtype)
+        self.between = _Rows(round(self.collocation * most) + count, 3, dtype)
         self.variances: list[Float64] = []
         # For each variant: the vectors and the points between that it has, and its strips.
-        self.own: list[list[Bool]] = [[] for _ in variants]
-        self.inside: list[list[Bool]] = [[] for _ in variants]
-        self.strips: list[list[Strip]] = [[] for _ in variants]
+        self.own: list[list[Bool]] = [[] for _ in self.variants]
+        self.inside: list[list[Bool]] = [[] for _ in self.variants]
+        self.strips: list[list[Strip]] = [[] for _ in self.variants]
 
     def add(self, frames: slice, own: Flow) -> None:
         """Add a slab of frames, which is followed by one frame more up to which cells reach."""
@@ -456,10 +451,11 @@ def _with_walls(
     found = walls_of(flow, (own for _, own in filled_slabs(flow, _frames(flow, part))))
     if found is None:
         return sets
-    touch, held, facts = found
+    touch, facts = found
     warn_of_contradictions(facts)
-    points = placed(touch.x, touch.y, touch.t, flow, scales)
-    velocity = turned_and_rounded(scales.to_dimensionless(held.target, "velocity"), axes_of(flow))
+    x, y, t = touch.point.T
+    points = placed(x, y, t, flow, scales)
+    velocity = turned_and_rounded(scales.to_dimensionless(touch.target, "velocity"), axes_of(flow))
     pressure = scales.to_dimensionless(touch.p, "pressure")
     used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
     rng = np.random.Generator(np.random.Philox(key=_KEY - 1))

@@ -18,10 +18,12 @@ from granpinn.data.schema import (
     FORMAT_VERSION,
     KNOWN_ATTRIBUTES,
     MOST_IN_MEMORY,
+    NUMBERS,
     OF_FLOW,
     OPTIONAL_NUMBERS,
     OPTIONAL_TEXTS,
     PARTICLES,
+    TEXTS,
     TRUE_LAW,
     TRUTH,
     WRITE_HINT,
@@ -44,7 +46,7 @@ def is_flow_file(path: Path) -> bool:
     """Whether a file is a flow file, from its attribute."""
     try:
         file = read_hdf5(path, [], DEFAULT_MAX_BYTES, _RAISE)
-        return file.attributes.text("format_name") == FORMAT_NAME
+        return bool(file.attributes.text("format_name") == FORMAT_NAME)
     except UnsafeFileError:  # no HDF5, or another kind of it
         return False
 
@@ -75,19 +77,16 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
 def _read(path: Path, max_bytes: int) -> Flow:
     file = read_hdf5(path, [*DATASETS], max_bytes, _RAISE)
     _check_version(file)
-    constants: dict[str, Any] = {
-        "gravity": _require(file, "gravity"),
-        "density": _number(file, "density", required=True),
-        "grain_diameter": _number(file, "grain_diameter", required=True),
-        "length_unit": _require_text(file, "length_unit"),
-        "time_unit": _require_text(file, "time_unit"),
-    }
-    optional: dict[str, Any] = {name: _number(file, name) for name in OPTIONAL_NUMBERS}
-    optional |= {name: file.attributes.text(name) for name in OPTIONAL_TEXTS}
+    stated = file.attributes
+    constants: dict[str, Any] = {"gravity": tuple(map(float, stated.numbers("gravity", True)))}
+    constants |= {name: stated.number(name, True) for name in NUMBERS}
+    constants |= {name: stated.text(name, True) for name in TEXTS}
+    optional: dict[str, Any] = {name: stated.number(name) for name in OPTIONAL_NUMBERS}
+    optional |= {name: stated.text(name) for name in OPTIONAL_TEXTS}
     truth = _truth(file)
-    others = file.attributes.scalars(KNOWN_ATTRIBUTES)
-    stated = {name: _number(file, name) for name in OF_FLOW}
-    others |= {name: value for name, value in stated.items() if value is not None}
+    others = stated.scalars(KNOWN_ATTRIBUTES)
+    of_flow = {name: stated.number(name) for name in OF_FLOW}
+    others |= {name: value for name, value in of_flow.items() if value is not None}
     units = constants["length_unit"], constants["time_unit"], optional["density_unit"]
     arrays = _arrays(file, units)
     for name in ("sigma_u", "sigma_v"):
@@ -119,7 +118,7 @@ def _read(path: Path, max_bytes: int) -> Flow:
 def _truth(file: Hdf5File) -> Truth | None:
     """The law that made the data; None if the file states neither the law nor a parameter."""
     law = file.attributes.text(TRUE_LAW)
-    values = {field: _number(file, name) for name, field in TRUTH.items()}
+    values = {field: file.attributes.number(name) for name, field in TRUTH.items()}
     if law is None and all(value is None for value in values.values()):
         return None
     try:
@@ -130,13 +129,13 @@ def _truth(file: Hdf5File) -> Truth | None:
 
 def _arrays(file: Hdf5File, units: tuple[str, str, str | None]) -> dict[str, Any]:
     """All arrays of the format in their types, after checks of their layout and units."""
-    check_layout({name: dataset.layout for name, dataset in file.datasets.items()})
+    check_layout(file.datasets)
     for name, dataset in file.datasets.items():
         check_conventions(name, dataset.attributes, unit_of(DATASETS[name], *units))
     # A number beyond the range of the type becomes infinite, as in HDF5.
     with np.errstate(over="ignore"):
         return {
-            name: np.asarray(dataset.values, DATASETS[name].dtype or dataset.layout.dtype)
+            name: np.asarray(dataset.values, DATASETS[name].dtype or dataset.dtype)
             for name, dataset in file.datasets.items()
         }
 
@@ -156,32 +155,3 @@ def _check_version(file: Hdf5File) -> None:
             f"the attribute format_version must be {FORMAT_VERSION}, got {found}: update "
             f"granpinn or {WRITE_HINT}"
         )
-
-
-def _require(file: Hdf5File, name: str) -> tuple[float, ...]:
-    values = file.attributes.numbers(name)
-    if values is None:
-        raise FlowFileError(f"the attribute {name} is missing: add it to the root of the file")
-    return tuple(float(value) for value in values)
-
-
-def _require_text(file: Hdf5File, name: str) -> str:
-    text = file.attributes.text(name)
-    if text is None:
-        raise FlowFileError(
-            f"the attribute {name} is missing: add it to the root of the file, '1' if the data "
-            "is dimensionless"
-        )
-    return text
-
-
-def _number(file: Hdf5File, name: str, *, required: bool = False) -> Any:
-    """An attribute that is one number; None if it is absent and not required."""
-    values = _require(file, name) if required else file.attributes.numbers(name)
-    if values is None:
-        return None
-    if len(values) != 1:
-        raise FlowFileError(
-            f"the attribute {name} must be one number, got {len(values)}: correct it"
-        )
-    return float(np.float64(values[0]))

@@ -24,7 +24,7 @@ from granpinn.data.flow import (
 from granpinn.data.large import slabs
 from granpinn.data.particles import check_particles
 from granpinn.data.scaling import initial_height
-from granpinn.data.schema import Layout, arrays_of, check_layout, grid_arrays_of
+from granpinn.data.schema import arrays_of, check_layout, grid_arrays_of
 from granpinn.data.wall_rules import check_walls
 from granpinn.declared import checked
 
@@ -42,7 +42,7 @@ SURFACE_MARGIN, SURFACE_CELLS = 0.1, 1.0
 def check_flow(flow: Flow) -> None:
     """Raises FlowFileError if the flow breaks a rule of the format."""
     for arrays in (arrays_of(flow), grid_arrays_of(flow)):
-        check_layout({name: Layout(a.shape, str(a.dtype)) for name, a in arrays.items()})
+        check_layout(arrays)
     check_values(flow)
 
 
@@ -53,8 +53,7 @@ def check_values(flow: Flow) -> None:
         _check_coordinate(name, values)
     _check_symmetries(flow)
     _check_fraction(flow)
-    _check_grain_size(flow)
-    _check_surface_sd(flow)
+    _check_sizes(flow)
     _check_velocity(flow)
     if flow.p is not None and not all(
         np.isfinite(flow.p[k][flow.c[k] >= 1]).all() for k in slabs(flow)
@@ -139,22 +138,16 @@ def _check_fraction(flow: Flow) -> None:
         )
 
 
-def _check_grain_size(flow: Flow) -> None:
+def _check_sizes(flow: Flow) -> None:
     height = initial_height(flow)
-    if flow.grain_diameter > height:
-        raise FlowFileError(
-            f"grain_diameter must be smaller than the height of the grains in the first frame, "
-            f"{height:g}, got {flow.grain_diameter:g}: give both in the unit of length of the file"
-        )
-
-
-def _check_surface_sd(flow: Flow) -> None:
-    sd, height = flow.stated(SURFACE_SD), initial_height(flow)
-    if sd is not None and sd > height:
-        raise FlowFileError(
-            f"the attribute {SURFACE_SD} must be smaller than the height of the grains in the "
-            f"first frame, {height:g}, got {sd:g}: give both in the unit of length of the file"
-        )
+    sizes = {"grain_diameter": flow.grain_diameter}
+    sizes |= {f"the attribute {SURFACE_SD}": flow.stated(SURFACE_SD) or 0.0}
+    for name, size in sizes.items():
+        if size > height:
+            raise FlowFileError(
+                f"{name} must be smaller than the height of the grains in the first frame, "
+                f"{height:g}, got {size:g}: give both in the unit of length of the file"
+            )
 
 
 def _in_any_cell(mask: Bool) -> Bool:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -34,14 +33,6 @@ if TYPE_CHECKING:
 FORMAT_NAME = "granpinn-flow"
 FORMAT_VERSION = 1
 MOST_IN_MEMORY = 2**30  # bytes of a flow; a larger one is stored so that it can be used in its file
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Shape and type of a dataset, in a file or in memory."""
-
-    shape: tuple[int, ...]
-    dtype: str
 
 
 class DatasetRule(NamedTuple):
@@ -211,11 +202,11 @@ def _plain(unit: str) -> str:
     return re.sub(r"[ .*^]", "", unit) or "1"
 
 
-def check_layout(found: Mapping[str, Layout]) -> None:
+def check_layout(found: Mapping[str, Any]) -> None:
     """Checks the presence, types and shapes of the datasets.
 
     Args:
-        found: shape and type of every dataset of the format that the file has.
+        found: every dataset of the format that a file or a flow has, with its `shape` and `dtype`.
     """
     sizes: dict[str, int] = {}
     scattered = [rule.name for rule in PARTICLE_DATASETS if rule.name in found]
@@ -250,13 +241,13 @@ def check_layout(found: Mapping[str, Layout]) -> None:
             )
 
 
-def _check_one_layout(rule: DatasetRule, layout: Layout, sizes: dict[str, int]) -> None:
+def _check_one_layout(rule: DatasetRule, dataset: Any, sizes: dict[str, int]) -> None:
     """Checks one dataset against its rule; `sizes` collects the length of every axis."""
-    name, shape = rule.name, layout.shape
+    name, shape, dtype = rule.name, dataset.shape, str(dataset.dtype)
     axes = f"[{', '.join(rule.axes)}]"
-    if layout.dtype not in rule.dtypes:
+    if dtype not in rule.dtypes:
         raise FlowFileError(
-            f"{name} must be {rule}, got {layout.dtype} {list(shape)}: convert it or {WRITE_HINT}"
+            f"{name} must be {rule}, got {dtype} {list(shape)}: convert it or {WRITE_HINT}"
         )
     if len(shape) != len(rule.axes):
         raise FlowFileError(

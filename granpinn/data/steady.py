@@ -29,11 +29,11 @@ from dataclasses import replace
 import numpy as np
 
 from granpinn.arrays import Float64, Floats
+from granpinn.data import turned
 from granpinn.data.flow import STEADY, Flow, Surface
 from granpinn.data.large import SLAB_CELLS, spread
 from granpinn.data.surface import folded, line_heights
 from granpinn.data.symmetry import with_layer
-from granpinn.physics.axes import vertical_coordinate
 
 PARTS = 10
 TREND = 9.78  # F with 3 and 6 degrees of freedom; 1 % of white noise is above it
@@ -162,12 +162,12 @@ def _standard_errors(sums: Float64, frames: int) -> tuple[float, float] | tuple[
 
 def _surface_stays(flow: Flow) -> bool:
     """Whether the free surface, or without a line the thickness of the grains, stays in place."""
-    upright, _ = vertical_coordinate(flow.gravity)
-    step = float(np.median(np.diff(flow.y if upright else flow.x)))
-    if flow.surface is None:
-        height = flow.c.sum(axis=1 if upright else 2, dtype=np.float64) * step
+    own = turned.upright(flow)
+    step, line = float(np.median(np.diff(own.y))), own.surface
+    if line is None:
+        height = own.c.sum(axis=1, dtype=np.float64) * step
     else:
-        height = line_heights(flow.t, *_upright(flow, flow.surface))
+        height = line_heights(own.t, own.x, line)
     middle = np.stack([_mean(part) for part in np.array_split(height, PARTS)])
     moved = (middle - middle.mean(axis=0))[:, np.isfinite(middle).all(axis=0)]
     limit = max(flow.grain_diameter, step)
@@ -176,27 +176,19 @@ def _surface_stays(flow: Flow) -> bool:
 
 def _line(flow: Flow, surface: Surface, time: float) -> Surface:
     """The mean over the frames of a line with one height in every column; else all its points."""
-    along, t, place, up = _upright(flow, surface)
-    folds = folded(flow.t, along, t, place, up).mean(axis=0)
+    k, x = turned.quarters(flow), turned.upright(flow).x
+    line = turned.points(surface, k)
+    folds = folded(flow.t, x, line).mean(axis=0)
     if flow.t.size == 1 or (folds > LEAST_FILLED).any():
-        return replace(surface, t=np.full(t.shape, time))
-    height = line_heights(flow.t, along, t, place, up)
+        return replace(surface, t=np.full(surface.t.shape, time))
+    height = line_heights(flow.t, x, line)
     kept = np.isfinite(height).mean(axis=0) >= LEAST_FILLED * np.isfinite(height).any(axis=1).mean()
-    x, y = along[kept], _mean(height)[kept]
-    if vertical_coordinate(flow.gravity)[0] == 0:
-        x, y = y, x
-    p = surface.p
+    p = line.p
     if p is not None:
-        p = _mean(line_heights(flow.t, along, t, place, p.astype(np.float64)))[kept]
+        p = _mean(line_heights(flow.t, x, replace(line, y=p.astype(np.float64))))[kept]
         p = p.astype(np.float32)
-    return Surface(np.full(x.shape, time), x, y, p)
-
-
-def _upright(flow: Flow, surface: Surface) -> tuple[Float64, Float64, Float64, Float64]:
-    """Columns along the ground; time, place along the ground and height of the line's points."""
-    if vertical_coordinate(flow.gravity)[0] == 1:
-        return flow.x, surface.t, surface.x, surface.y
-    return flow.y, surface.t, surface.y, surface.x
+    mean = Surface(np.full(int(kept.sum()), time), x[kept], _mean(height)[kept], p)
+    return turned.points(mean, -k)
 
 
 def _mean(values: Floats) -> Float64:

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Floats, Index
-from granpinn.data.flow import SOLVER_CELL, SURFACE_SD, Flow, FlowFileError, Surface
+from granpinn.data.flow import SOLVER_CELL, SURFACE_SD, Flow, Surface
 from granpinn.physics.axes import vertical_coordinate
 
 SAME_TIME = 1e-6  # relative difference of times that are one
@@ -36,9 +36,7 @@ HALF = 0.5  # of c at the surface, of a grain, of a spacing
 REACH, STEP = 2.0, 0.25  # of the profile of c across the line, in spacings
 
 
-def line_heights(
-    t: Float64, along: Float64, line_t: Float64, line_along: Float64, line_up: Float64
-) -> Float64:
+def line_heights(t: Float64, x: Float64, line: Surface) -> Float64:
     """Height of the surface line in every frame and column [T, X], linear between its points.
 
     Points belong to the frame nearest in time. A frame has the line of the time nearest to its own
@@ -46,29 +44,25 @@ def line_heights(
 
     Args:
         t: times of the frames [T], increasing.
-        along: places of the columns along the ground [X].
-        line_t, line_along, line_up: time, place and height of the points [n], in any order.
+        x: places of the columns [X], in upright axes.
     """
-    height = np.full((len(t), len(along)), np.nan)
-    for k, now in points_of(t, line_t):
-        order = np.argsort(line_along[now], kind="stable")
-        points = line_along[now][order], line_up[now][order]
-        height[k] = np.interp(along, *points, left=np.nan, right=np.nan)
+    height = np.full((len(t), len(x)), np.nan)
+    for k, now in points_of(t, line.t):
+        now = now[np.argsort(line.x[now], kind="stable")]
+        height[k] = np.interp(x, line.x[now], line.y[now], left=np.nan, right=np.nan)
     return height
 
 
-def folded(
-    t: Float64, along: Float64, line_t: Float64, line_along: Float64, line_up: Float64
-) -> Bool:
+def folded(t: Float64, x: Float64, line: Surface) -> Bool:
     """Where the line is vertical or folds: its points within a column differ by more than `STEEP`
     columns in height [T, X]. Arguments as in `line_heights`."""
-    limit = STEEP * float(np.median(np.diff(along)))
-    point, edges = _by_frame(t, line_t)
+    limit = STEEP * float(np.median(np.diff(x)))
+    point, edges = _by_frame(t, line.t)
     frame = np.repeat(np.arange(len(t)), np.diff(edges))
-    column = np.searchsorted((along[1:] + along[:-1]) / 2, line_along[point])
-    low, high = np.full((len(t), len(along)), np.inf), np.full((len(t), len(along)), -np.inf)
-    np.minimum.at(low, (frame, column), line_up[point])
-    np.maximum.at(high, (frame, column), line_up[point])
+    column = np.searchsorted((x[1:] + x[:-1]) / 2, line.x[point])
+    low, high = np.full((len(t), len(x)), np.inf), np.full((len(t), len(x)), -np.inf)
+    np.minimum.at(low, (frame, column), line.y[point])
+    np.maximum.at(high, (frame, column), line.y[point])
     steep: Bool = high - low > limit
     return steep
 
@@ -92,18 +86,6 @@ def _by_frame(t: Float64, line_t: Float64) -> tuple[Index, Index]:
     point = np.flatnonzero(same)
     point = point[np.argsort(frame[point], kind="stable")]
     return point, np.searchsorted(frame[point], np.arange(len(t) + 1))
-
-
-def with_moved_surface(flow: Flow, offset: float) -> Flow:
-    """The flow with its surface line moved outwards by `offset`, in the unit of length.
-
-    Raises:
-        FlowFileError: the flow has no surface line.
-    """
-    surface = flow.surface
-    if surface is None:
-        raise FlowFileError("a flow must have a surface line to move it, got none: add the line")
-    return replace(flow, surface=moved(flow, surface, offset))
 
 
 def moved(flow: Flow, surface: Surface, offset: float) -> Surface:

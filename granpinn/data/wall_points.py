@@ -15,6 +15,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -33,32 +34,30 @@ TOLERANCE = TERMS[0].sigma  # of the rms speed: less is nothing to a training
 PLACE = 0.25  # spacings by which the place of a wall may be wrong
 
 
-@dataclass(frozen=True, eq=False)
-class Touch:
-    """Where grains touch walls; n points, in units of the file.
+class Touch(NamedTuple):
+    """Where grains touch walls, and the conditions there that the vectors do not contradict.
+
+    All have n rows, in units of the file.
 
     Attributes:
-        x, y, t: the points [n].
+        point: x, y, t [n, 3].
         wall: number of the wall of each [n].
         normal: of the wall [n, 2].
-        velocity: of the wall [n, 2].
-        sticks: whether the file states that grains do not slip there [n].
+        stated: whether the file states that grains do not slip there [n].
         p: known normal stress [n], or NaN.
-        of_grains: velocity of the vectors around, extrapolated to the wall [n, 2]; NaN: too few.
-        error: of it that noise, its extrapolation and the place of the wall explain [n, 2], and the
-            tolerance of the velocity in a training.
+        closed: whether no grains flow through the wall [n].
+        sticks: whether they move with it [n].
+        target: velocity of the grains on the wall [n, 2]; NaN where no condition is used.
     """
 
-    x: Float64
-    y: Float64
-    t: Float64
+    point: Float64
     wall: Index
     normal: Float64
-    velocity: Float64
-    sticks: Bool
+    stated: Bool
     p: Float64
-    of_grains: Float64
-    error: Float64
+    closed: Bool
+    sticks: Bool
+    target: Float64
 
 
 def touch_of(flows: Iterable[Flow], segments: Segments) -> Touch:
@@ -68,8 +67,7 @@ def touch_of(flows: Iterable[Flow], segments: Segments) -> Touch:
         for flow in flows
         for k in np.flatnonzero(flow.after_start(flow.t))
     ]
-    names = Touch.__dataclass_fields__
-    return Touch(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
+    return Touch(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def _touch_in(flow: Flow, frame: int, segments: Segments, spacing: float) -> Touch:
@@ -95,17 +93,26 @@ def _touch_in(flow: Flow, frame: int, segments: Segments, spacing: float) -> Tou
     change = np.abs(np.einsum("nic,ni->nc", slope, normal)) * (PLACE * spacing)
     least = TOLERANCE * float(np.sqrt(np.mean(np.square(vectors).sum(axis=1))))
     error = np.sqrt((SURE * error) ** 2 + (of_grains - other) ** 2 + change**2 + least**2)
+    velocity, stated = _between(segments.velocity[k], part), segments.sticks[k]
+    unknown, off = ~np.isfinite(of_grains).all(axis=1), of_grains - velocity
+
+    def agrees(direction: Float64) -> Bool:
+        size = np.abs(np.sum(off * direction, axis=1))
+        return np.asarray(unknown | (size <= np.linalg.norm(error * direction, axis=1)))
+
+    closed = agrees(normal)
+    sticks = stated & closed & agrees(np.stack([-normal[:, 1], normal[:, 0]], 1))
+    through = np.sum(off * normal, axis=1)[:, None] * normal
+    target = np.where(sticks[:, None], velocity, of_grains - through)
     return Touch(
-        x=point[:, 0],
-        y=point[:, 1],
-        t=np.full(len(k), flow.t[frame]),
+        point=np.column_stack([point, np.full(len(k), flow.t[frame])]),
         wall=segments.wall[k],
         normal=normal,
-        velocity=_between(segments.velocity[k], part),
-        sticks=segments.sticks[k],
+        stated=stated,
         p=_between(segments.p[k], part),
-        of_grains=of_grains,
-        error=error,
+        closed=closed,
+        sticks=sticks,
+        target=np.where(closed[:, None], target, np.nan),
     )
 
 
@@ -135,38 +142,6 @@ def _fit(step: Float64, vectors: Float64, near: Bool) -> tuple[Float64, Float64,
     error = np.sqrt(variance * inverse[:, 0, :1])
     few = count < FEWEST
     return np.where(few[:, None], np.nan, values[:, 0]), values[:, 1:] / scale, error
-
-
-@dataclass(frozen=True, eq=False)
-class Conditions:
-    """Which conditions hold at the points of a `Touch`, after the vectors were asked.
-
-    Attributes:
-        closed: whether no grains flow through the wall [n].
-        sticks: whether they move with it [n].
-        target: velocity of the grains on the wall [n, 2]; NaN where no condition is used.
-    """
-
-    closed: Bool
-    sticks: Bool
-    target: Float64
-
-
-def conditions_of(touch: Touch) -> Conditions:
-    """The conditions that the vectors do not contradict, point by point."""
-    unknown = ~np.isfinite(touch.of_grains).all(axis=1)
-    off, error = touch.of_grains - touch.velocity, touch.error
-    along = np.stack([-touch.normal[:, 1], touch.normal[:, 0]], 1)
-
-    def agrees(direction: Float64) -> Bool:
-        found = np.abs(np.sum(off * direction, axis=1))
-        return np.asarray(unknown | (found <= np.linalg.norm(error * direction, axis=1)))
-
-    closed = agrees(touch.normal)
-    sticks = touch.sticks & closed & agrees(along)
-    through = np.sum(off * touch.normal, axis=1)[:, None] * touch.normal
-    target = np.where(sticks[:, None], touch.velocity, touch.of_grains - through)
-    return Conditions(closed, sticks, np.where(closed[:, None], target, np.nan))
 
 
 @dataclass(frozen=True)
@@ -203,8 +178,8 @@ LEAST_AGREEMENT = 0.9  # of the points of a wall, below which a condition is war
 
 def walls_of(
     flow: Flow, parts: Iterable[Flow] | None = None
-) -> tuple[Touch, Conditions, list[WallFacts]] | None:
-    """Points, conditions and facts of the walls of a flow; None if it states no walls.
+) -> tuple[Touch, list[WallFacts]] | None:
+    """Points and facts of the walls of a flow; None if it states no walls.
 
     Args:
         parts: flows of its frames that count, one after another; by default the flow.
@@ -212,36 +187,34 @@ def walls_of(
     if flow.walls is None:
         return None
     segments = segments_of(flow.walls)
-    touch = touch_of([flow] if parts is None else parts, segments)
-    held = conditions_of(touch)
-    names, known = segments.names(), np.isfinite(touch.p)
+    touch, names = touch_of([flow] if parts is None else parts, segments), segments.names()
+    points = np.bincount(touch.wall, minlength=len(names))
 
-    def total(values: Bool | Float64, number: Index = touch.wall) -> Float64:
-        sums = np.bincount(number, values.astype(np.float64), minlength=len(names))
-        return np.asarray(sums, np.float64)
+    def mean(values: Bool | Float64, known: Bool) -> Float64:
+        """Of each wall; NaN without known values."""
+        count = np.bincount(touch.wall, known, len(names))
+        total = np.bincount(touch.wall, np.where(known, values, 0.0), len(names))
+        unknown = np.full(len(names), np.nan)
+        return np.asarray(np.divide(total, count, out=unknown, where=count > 0))
 
-    points, stated = total(np.ones(touch.wall.size)), total(touch.sticks)
-    sticks = _share(total(held.sticks & touch.sticks), stated, 1.0)
-    closed = _share(total(held.closed), points, 1.0)
-    pressure = _share(total(np.where(known, touch.p, 0.0)), total(known), np.nan)
-    without_slip = total(segments.sticks, segments.wall) > 0
+    closed, sticks = (
+        mean(touch.closed, np.ones(len(touch.wall), bool)),
+        mean(touch.sticks, touch.stated),
+    )
+    pressure = mean(touch.p, np.isfinite(touch.p))
+    without_slip = np.bincount(segments.wall, segments.sticks, minlength=len(names)) > 0
     facts = [
         WallFacts(
             name=name,
             points=int(points[k]),
             stated=bool(without_slip[k]),
-            sticks=float(sticks[k]),
-            closed=float(closed[k]),
+            sticks=1.0 if np.isnan(sticks[k]) else float(sticks[k]),
+            closed=1.0 if np.isnan(closed[k]) else float(closed[k]),
             pressure=None if np.isnan(pressure[k]) else float(pressure[k]),
         )
         for k, name in enumerate(names)
     ]
-    return touch, held, facts
-
-
-def _share(part: Float64, whole: Float64, without: float) -> Float64:
-    """part / whole [W]; `without` where there is nothing."""
-    return np.asarray(np.divide(part, whole, np.full(len(whole), without), where=whole > 0))
+    return touch, facts
 
 
 def contradictions(facts: Sequence[WallFacts]) -> list[str]:

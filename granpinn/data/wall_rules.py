@@ -43,23 +43,14 @@ def check_walls(flow: Flow, walls: Walls) -> None:
 
 def _check_pieces(parts: Bool, place: Float64) -> None:
     """Every piece needs two points [m, 2] that differ."""
-    edges = np.flatnonzero(np.concatenate([[True], parts, [True]]))
-    length = np.diff(edges) - 1
-    if length.max() == 0 or (length == 1).any():
-        single = int(edges[int(np.argmax(length == 1))]) if (length == 1).any() else 0
-        raise FlowFileError(
-            "every piece of a wall must have at least two points, got "
-            f"{'one' if length.max() else 'none'} at index {single} of wall_x: give both ends of "
-            "the wall, and NaN between two pieces only"
-        )
-
     piece, moves = np.cumsum(parts), (place[1:] != place[:-1]).any(axis=1)
     moves &= ~parts[1:] & ~parts[:-1]
     bare = np.flatnonzero(~parts & ~np.isin(piece, piece[1:][moves]))
-    if bare.size:
+    if bare.size or parts.all():
         raise FlowFileError(
-            "wall_x and wall_y must be lines, got a piece whose points are all the same at index "
-            f"{bare[0]}: give the ends of every wall"
+            "every piece of a wall must have at least two points that differ, got none in that at "
+            f"index {bare[0] if bare.size else 0} of wall_x: give both ends of the wall, and NaN "
+            "between two pieces only"
         )
 
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.data.close_pairs import close_pairs
 from granpinn.data.flow import Flow, Walls
 
 SMOOTH = 0.85  # cosine of the largest turn between segments of a curved wall
+PIECES = 2**21  # of all walls, about, at most
+BLOCK = 2**14  # paths that are compared with walls at once
 ON_WALL = 1e-9  # distance from a wall, over its extent, of a point that counts as on it
 
 
@@ -157,8 +161,8 @@ def crossed(start: Float64, end: Float64, segments: Segments) -> Bool:
     extent = float(np.ptp(np.concatenate([low, high]), axis=0).max())
     nearly = ON_WALL * max(extent, float(np.ptp(segments.ends, axis=(0, 1)).max()))
     kept = (high >= walls[:, 0].min(axis=0)) & (low <= walls[:, 1].max(axis=0))
-    kept = np.flatnonzero(kept.all(axis=1))
-    for k, s in close_pairs(np.stack([start, end], 1)[kept], segments.ends):
+    kept = np.flatnonzero(kept.all(axis=1) & (start != end).any(axis=1))
+    for k, s in _close(start[kept], end[kept], segments):
         k = kept[k]
         near = (high[k] >= walls[s, 0]) & (low[k] <= walls[s, 1])
         k, s = (a[near.all(axis=1) & ~found[k]] for a in (k, s))
@@ -170,6 +174,33 @@ def crossed(start: Float64, end: Float64, segments: Segments) -> Bool:
         first, last = _cross(step, a - start[k]), _cross(step, b - start[k])
         found[k[apart & (first * last <= 0)]] = True
     return found
+
+
+def _close(start: Float64, end: Float64, segments: Segments) -> Iterator[tuple[Index, Index]]:
+    """Numbers of paths and of segments near each other, block by block; all that cross are there.
+
+    Segments are cut into pieces about as long as a path, so that pieces near the middle of a path
+    are few.
+    """
+    if len(start) == 0:
+        return
+    reach = np.linalg.norm(end - start, axis=1) / 2
+    side = max(2 * float(np.median(reach)), float(segments.length.sum()) / PIECES)
+    count = np.ceil(segments.length / side).astype(np.intp).clip(1)
+    owner = np.repeat(np.arange(len(count)), count)
+    part = (np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[owner]
+    a, b = segments.ends[owner].swapaxes(0, 1)
+    tree = cKDTree(a + part[:, None] * (b - a))
+    middle, far = (
+        (start + end) / 2,
+        (1 + 1e-6) * (reach + float(np.max(segments.length / count)) / 2),
+    )
+    for first in range(0, len(middle), BLOCK):
+        some = slice(first, first + BLOCK)
+        near = tree.query_ball_point(middle[some], far[some])
+        size = np.fromiter(map(len, near), np.intp, len(near))
+        pieces = np.fromiter(chain.from_iterable(near), np.intp, int(size.sum()))
+        yield np.repeat(np.arange(first, first + len(near)), size), owner[pieces]
 
 
 def parted(start: Float64, end: Float64, t: Float64, segments: Segments) -> Bool:

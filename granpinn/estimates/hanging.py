@@ -13,14 +13,12 @@ walls matter.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.data import Flow
 from granpinn.data.walls import Segments, segments_of
-from granpinn.estimates.upright import Upright, turned_walls
+from granpinn.estimates.upright import Upright
 
 FRICTION = 0.4
 LARGEST_SHARE = 1 / 3  # of the weight; half of that is carried at a depth of half the width
@@ -33,15 +31,14 @@ def hanging(flow: Flow, pose: Upright) -> str | None:
     Args:
         pose: the flow in upright axes.
     """
-    if flow.walls is None:
+    if flow.walls is None or pose.flow.walls is None:
         return None
-    named = segments_of(flow.walls)
-    upright = replace(named, ends=turned_walls(flow.gravity, named.ends))
+    names, walls = segments_of(flow.walls).names(), segments_of(pose.flow.walls)
     frame = int(np.argmax(np.isfinite(pose.height).sum(axis=1)))
-    share, pair = _shares(pose, frame, upright.at(float(pose.t[frame])))
+    share, pair = _shares(pose, frame, walls.at(float(flow.t[frame])))
     if share.size == 0 or np.percentile(share, DEEP) <= LARGEST_SHARE:
         return None
-    left, right = (named.names()[wall] for wall in pair[int(np.argmax(share))])
+    left, right = (names[wall] for wall in pair[int(np.argmax(share))])
     return (
         f"the grains hang between {left} and {right}: walls so near carry about "
         f"{np.percentile(share, DEEP):.0%} of the weight of the lowest grains, and how much they "
@@ -52,12 +49,13 @@ def hanging(flow: Flow, pose: Upright) -> str | None:
 def _shares(pose: Upright, frame: int, walls: Segments) -> tuple[Float64, np.ndarray]:
     """The share of the weight above every cell of grains between two walls [n], and their numbers
     [n, 2]."""
-    below = pose.height[frame][None] - pose.y[:, None]
-    grains = (pose.c[frame] > 0.5) & (below > 0)
+    flow = pose.flow
+    below = pose.height[frame][None] - flow.y[:, None]
+    grains = (flow.c[frame] > 0.5) & (below > 0)
     shares, pairs = [], []
-    for row, y in enumerate(pose.y):
+    for row, y in enumerate(flow.y):
         x, wall = _crossings(walls, float(y))
-        k = np.searchsorted(x, pose.x)
+        k = np.searchsorted(x, flow.x)
         between = grains[row] & (k > 0) & (k < len(x))
         right = k[between]
         depth = below[row][between]

@@ -86,12 +86,13 @@ def momentum_balance(
     pose = upright(flow, SIDEWAYS // 2)
     if isinstance(pose, str):
         return pose
+    flow = pose.flow
     chosen = _frames(pose, max(half, 2))
     if isinstance(chosen, str):
         return chosen
     found = [_kinematics(pose, int(k), half) for k in chosen]
     a_x, a_y, d_xx, d_xy, c, below, rest, *v = (np.stack(part) for part in zip(*found, strict=True))
-    _, dy, dx = spacing = _spacing(pose, slice(None))
+    _, dy, dx = spacing = _spacing(flow, slice(None))
     rate = 2 * np.hypot(d_xx, d_xy)
     known = np.isfinite(a_x) & (rate > 0)
     nan = np.full_like(rate, np.nan)
@@ -99,13 +100,13 @@ def momentum_balance(
         nearest(np.divide(2 * d, rate, out=nan.copy(), where=known)) for d in (d_xx, d_xy)
     )
     gdot = nearest(rate)
-    full = known & (c > (FULL_ROW if pose.periodic else FULL))
+    full = known & (c > (FULL_ROW if flow.periodic else FULL))
     full &= below > max(SHALLOWEST[0] * flow.grain_diameter, SHALLOWEST[1] * dy)
-    if not pose.periodic:
+    if not flow.periodic:
         full &= pose.clear[chosen][:, None]
     if not full.any():
         return "no full cell lies below a surface line that is not steep and does not fold"
-    of_slope = noise_of(_windows(pose, half), spacing)
+    of_slope = noise_of(_windows(flow, half), spacing)
     sigma = float(np.sqrt(rest[full].mean()) / of_slope[3])
     error = sigma * float(np.hypot(of_slope[1], of_slope[2]))
     usual = float(np.median(gdot[full]))
@@ -114,9 +115,9 @@ def momentum_balance(
     density = flow.density if flow.grain_density is None else flow.grain_density
     pressure, drag = _load(pose, n_xy[full], flow.density)
     lines = _Lines(
-        drag=drag - _integral(flow.density * (nearest(a_x) - pose.gravity[0]), below, dy),
-        weight=pressure + _integral(flow.density * (nearest(a_y) - pose.gravity[1]), below, dy),
-        hydrostatic=pressure - pose.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
+        drag=drag - _integral(flow.density * (nearest(a_x) - flow.gravity[0]), below, dy),
+        weight=pressure + _integral(flow.density * (nearest(a_y) - flow.gravity[1]), below, dy),
+        hydrostatic=pressure - flow.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
         n_xx=n_xx,
         n_xy=n_xy,
         rate=gdot * flow.grain_diameter * np.sqrt(density),
@@ -136,13 +137,14 @@ def momentum_balance(
 def _load(pose: Upright, n_xy: Float64, density: float) -> tuple[float, float]:
     """Pressure and shear stress at the upper edge of the cells: those of the plate, and the weight
     of the grains between both. Zero for a free surface."""
+    flow = pose.flow
     p, tau = pose.load
     if p == 0 and tau == 0:
         return 0.0, 0.0
-    dy = float(np.diff(pose.y).mean())
-    between = max(0.0, float(pose.height.max() - pose.y[-1]) - dy / 2) * density
+    dy = float(np.diff(flow.y).mean())
+    between = max(0.0, float(pose.height.max() - flow.y[-1]) - dy / 2) * density
     side = float(np.sign(np.mean(n_xy))) if n_xy.size else 0.0
-    return p - pose.gravity[1] * between, side * tau + pose.gravity[0] * between
+    return p - flow.gravity[1] * between, side * tau + flow.gravity[0] * between
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,56 +222,60 @@ def _law(x: Float64, ratio: Float64, n_xy: Float64) -> Float64:
 
 def _frames(pose: Upright, half: int) -> Index | str:
     """Frames with a surface line and evenly spaced neighbors, at most MOST_CELLS vectors."""
-    n = len(pose.t)
-    if not pose.steady and n < FEWEST_FRAMES:
+    flow = pose.flow
+    n = len(flow.t)
+    if not flow.steady and n < FEWEST_FRAMES:
         return f"the flow has {n} frames, and the acceleration needs {FEWEST_FRAMES}"
     good: Bool = np.asarray(np.isfinite(pose.height).any(axis=1))
-    if not pose.steady:
-        step = np.diff(pose.t)
+    if not flow.steady:
+        step = np.diff(flow.t)
+        # In a flow of runs gaps lie between them.
+        usual = (np.median if flow.starts else np.mean)(step)
         for k in range(n):
             near = step[max(0, k - half) : min(n - 1, k + half)]
-            good[k] &= bool(np.abs(near / pose.interval - 1).max() < 0.02)
+            good[k] &= bool(np.abs(near / usual - 1).max() < 0.02)
     found = np.flatnonzero(good)
     if len(found) == 0:
         return "no frame has a surface line and neighbors at even intervals of time"
-    vectors = sum(int(np.isfinite(pose.u[k]).sum()) for k in found)
-    every = 1 if pose.periodic else max(1, -(-vectors // MOST_CELLS))
+    vectors = sum(int(np.isfinite(flow.u[k]).sum()) for k in found)
+    every = 1 if flow.periodic else max(1, -(-vectors // MOST_CELLS))
     return np.asarray(found[min(every - 1, len(found) - 1) // 2 :: every])
 
 
 def _kinematics(pose: Upright, k: int, half: int) -> tuple[Float64, ...]:
     """a_x, a_y, d_xx, d_xy, c, depth, squared rest of the fit, u, v of one frame [Y, X]."""
-    frames = _windows(pose, half)[0]
+    flow = pose.flow
+    frames = _windows(flow, half)[0]
     before = min(frames, k)
     near = slice(k - before, k + frames + 1)
-    u, v, c = (np.asarray(a[near], np.float64) for a in (pose.u, pose.v, pose.c))
+    u, v, c = (np.asarray(a[near], np.float64) for a in (flow.u, flow.v, flow.c))
     height = pose.height[k]
-    if pose.periodic:
+    if flow.periodic:
         u, v, c = (mean_along_x(a, u) for a in (u, v, c))
         height = np.nanmean(height, keepdims=True)
     weight = (np.isfinite(u) & np.isfinite(v)).astype(float)
     at = np.zeros(u.shape, bool)
     at[before] = weight[before] > 0
-    fit_u, fit_v = smooth([u, v], weight, _spacing(pose, near), _windows(pose, half), at=at)
+    fit_u, fit_v = smooth([u, v], weight, _spacing(flow, near), _windows(flow, half), at=at)
     U, V = (f.value[before] for f in (fit_u, fit_v))
     u_t, u_y, u_x = (a[before] for a in (fit_u.t, fit_u.y, fit_u.x))
     v_t, v_y, v_x = (a[before] for a in (fit_v.t, fit_v.y, fit_v.x))
-    below = np.nan_to_num(height, nan=-np.inf)[None, :] - pose.y[:, None]
+    below = np.nan_to_num(height, nan=-np.inf)[None, :] - flow.y[:, None]
     rest = ((u[before] - U) ** 2 + (v[before] - V) ** 2) / 2
     acceleration = (u_t + U * u_x + V * u_y, v_t + U * v_x + V * v_y)
     return (*acceleration, (u_x - v_y) / 2, (u_y + v_x) / 2, c[before], below, rest, U, V)
 
 
-def _windows(pose: Upright, half: int) -> tuple[int, int, int]:
+def _windows(flow: Flow, half: int) -> tuple[int, int, int]:
     """Frames and cells on each side in the local fits; a slope in time needs 2 at the ends."""
-    return (0 if pose.steady else max(half, 2), half, 0 if pose.periodic else half)
+    return (0 if flow.steady else max(half, 2), half, 0 if flow.periodic else half)
 
 
-def _spacing(pose: Upright, near: slice) -> tuple[float, float, float]:
+def _spacing(flow: Flow, near: slice) -> tuple[float, float, float]:
     """Of the frames `near`, and of the cells along y and x."""
-    t = pose.t[near]
+    t = flow.t[near]
     step = float(np.diff(t).mean()) if len(t) > 1 else 1.0
-    return step, float(np.diff(pose.y).mean()), float(np.diff(pose.x).mean())
+    return step, float(np.diff(flow.y).mean()), float(np.diff(flow.x).mean())
 
 
 def _integral(density: Float64, below: Float64, dy: float) -> Float64:

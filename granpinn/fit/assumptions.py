@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from granpinn.data.flow import WALL_GAP
 from granpinn.data.outline import surface_of
 from granpinn.data.partial_cells import with_partial_cells
-from granpinn.data.surface import moved, with_moved_surface
+from granpinn.data.surface import moved
 from granpinn.fit.case import Case, with_variants
 from granpinn.results.records import Assumed
 from granpinn.training.loop import TrainingLoop
@@ -38,9 +38,10 @@ def surface(case: Case) -> Assumption | None:
         variants = []
         for offset in (-sd, sd):
             seen = case.seen
-            if level != "V0":  # the line decides which partly filled cells count
-                stated = dataclasses.replace(case.seen, c=case.stated.c)
-                filled = with_partial_cells(with_moved_surface(stated, offset))
+            if level != "V0" and seen.surface:  # the line decides which partly filled cells count
+                stated = dataclasses.replace(seen, c=case.stated.c)
+                offsets = moved(stated, seen.surface, offset)
+                filled = with_partial_cells(dataclasses.replace(stated, surface=offsets))
                 seen = dataclasses.replace(case.seen, c=filled.c)
             variants.append((seen, moved(case.seen, given, offset)))
         lower, upper = with_variants(case, variants)

@@ -37,12 +37,12 @@ def grid_flow(
     c, source = grains_of(fields)
     surface, wanted = line, settings.surface
     if line is not None and source == "vectors":
-        if folded(fields.t, fields.x, line.t, line.x, line.y).any():
+        if folded(fields.t, fields.x, line).any():
             _warn(
                 "the line of --surface is vertical or folds back, so that it does not say alone "
                 "which cells hold grains there: give --mask"
             )
-        c = np.where(below_line(fields, line.t, line.x, line.y), 1.0, 0.0)
+        c = np.where(below_line(fields, line), 1.0, 0.0)
     elif line is None and wanted == "auto" and source == "vectors":
         _warn_of_no_surface("there is neither a mask nor a fraction field")
     elif line is None and wanted not in ("auto", "none", source):

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
+from granpinn.data.flow import Surface
 from granpinn.importers.gaps import grains_around
 from granpinn.importers.limits import open_file, require_room
 from granpinn.importers.series import expand
@@ -107,13 +108,13 @@ def _at_vectors(file: Path, picture: Any, fields: VectorFields) -> Bool:
     return np.asarray(bright[np.ix_(rows, columns)])
 
 
-def below_line(fields: VectorFields, t: Float64, x: Float64, y: Float64) -> Bool:
+def below_line(fields: VectorFields, line: Surface) -> Bool:
     """Cells [T, Y, X] below a line of points; each frame has the points nearest in time."""
     inside = np.zeros(fields.u.shape, bool)
-    times = np.unique(t)
+    times = np.unique(line.t)
     for k, now in enumerate(fields.t):
-        near = t == times[np.argmin(np.abs(times - now))]
-        order = np.argsort(x[near], kind="stable")
-        line = np.interp(fields.x, x[near][order], y[near][order], -np.inf, -np.inf)
-        inside[k] = fields.y[:, None] <= line
+        near = np.flatnonzero(line.t == times[np.argmin(np.abs(times - now))])
+        near = near[np.argsort(line.x[near], kind="stable")]
+        height = np.interp(fields.x, line.x[near], line.y[near], -np.inf, -np.inf)
+        inside[k] = fields.y[:, None] <= height
     return inside

@@ -64,8 +64,7 @@ def flow(
     The result is in SI. `dimensionless=True` takes arrays without units.
 
     Args:
-        data: an xarray.Dataset with u and v over (t, y, x), whose `units` are read; u and v may
-            also be given as xarray.DataArray.
+        data: an xarray.Dataset with u and v over (t, y, x), whose `units` are read.
         surface: t, x and y [n] of points of the free surface, in the units and axes of the arrays;
             or the setting, such as "none".
         given: arrays t [T], y [Y], x [X], u and v [T, Y, X], or all [n] for scattered vectors, NaN
@@ -80,9 +79,6 @@ def flow(
     if isinstance(surface, str) and surface in SURFACES:
         given["surface"], surface = surface, None
     parts = {name: given.pop(name) for name in [*given] if _is_array(name, given[name])}
-    if data is None and hasattr(parts.get("u"), "dims"):
-        data = _dataset(parts)
-        parts = {}
     if data is None:
         source = parts
     elif parts or not hasattr(data, "data_vars"):
@@ -99,23 +95,6 @@ def flow(
 def _is_array(name: str, value: Any) -> bool:
     """Whether an argument belongs to the arrays; the setting `mask` is the name of a file."""
     return name in ARRAYS and not (name == "mask" and isinstance(value, str))
-
-
-def _dataset(parts: dict[str, Any]) -> Any:
-    """The data set of arrays of xarray, which bring their coordinates."""
-    import xarray
-
-    plain = [name for name, part in parts.items() if not isinstance(part, xarray.DataArray)]
-    if plain:
-        raise DataFileError(
-            f"{', '.join(plain)} must be xarray.DataArray like u, got {type(parts[plain[0]])}: "
-            "give all arrays as one kind"
-        )
-    try:
-        return xarray.Dataset(parts)
-    except ValueError as error:
-        reason = " ".join(str(error).split())[:160]
-        raise DataFileError(f"u, v and the others do not fit together: {reason}") from None
 
 
 def settings_from(given: Mapping[str, Any], kind: type[S], names: Collection[str] = SETTINGS) -> S:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from granpinn.config.fields import flag_of
 from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
@@ -41,7 +41,7 @@ class Settings:
         "names of columns in a table of tracks that granpinn does not know, such as "
         "x=abscissa,y=height,t=time",
     )
-    zeros: str = _setting(
+    zeros: Literal["measured", "missing"] = _setting(
         "measured", "files", "vectors that are exactly (0, 0): measured, or missing"
     )
     drop_duplicates: bool = _setting(
@@ -109,7 +109,7 @@ class Settings:
         "the point x,y in the coordinates of the files that becomes 0,0; default "
         "the lower left vector for images, else the origin of the files",
     )
-    flip_y: str = _setting(
+    flip_y: Literal["auto", "yes", "no"] = _setting(
         "auto", "frame", "turn y and v around: yes, no, or auto = where y points down as in images"
     )
     gravity: str = _setting("9.81 m/s^2", "frame", "strength of gravity; 1 if dimensionless")
@@ -216,10 +216,6 @@ class Settings:
                     f"{flag_of(f.name)} must be text such as '0.12 mm/px', got {value!r}"
                 )
         require_fields(self, DataFileError)
-        if self.flip_y not in ("auto", "yes", "no"):
-            raise DataFileError(f"--flip-y must be auto, yes or no, got {self.flip_y!r}")
-        if self.zeros not in ("measured", "missing"):
-            raise DataFileError(f"--zeros must be measured or missing, got {self.zeros!r}")
         if self.solid_fraction is not None and not 0 < self.solid_fraction <= 1:
             raise DataFileError(
                 f"--solid-fraction must be above 0 and at most 1, got {self.solid_fraction:g}"

@@ -64,17 +64,6 @@ class Point:
 
 
 @dataclass(frozen=True)
-class LawFit:
-    """mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) through the points, with standard deviations."""
-
-    mu_s: float
-    mu_2: float
-    I0: float
-    mu_s_sd: float
-    mu_2_sd: float
-
-
-@dataclass(frozen=True)
 class Baseline(Record):
     """What the momentum balance alone says about the friction.
 
@@ -83,7 +72,6 @@ class Baseline(Record):
         carried: whether that is because more than the base carries the grains.
         points: in bins of I between its 5th and 95th percentile.
         mean: of all cells in this range.
-        law: None where the range is narrow or fewer than three bins are filled.
         window: cells on each side of the local fits.
         parts: relative standard errors of `mean` by their sources.
         wall_friction: friction of the side walls that it counts; None without `wall_gap`.
@@ -92,7 +80,6 @@ class Baseline(Record):
     reason: str | None = None
     points: tuple[Point, ...] = ()
     mean: Point | None = None
-    law: LawFit | None = None
     window: int | None = None
     parts: dict[str, float] | None = None
     carried: bool = False
@@ -118,22 +105,23 @@ class Baseline(Record):
     @property
     def sentence(self) -> str:
         """The friction in a sentence, without the network."""
-        if not self.shown:
-            return f"The momentum balance alone, without a network, does not apply: {self.reason}."
-        text = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
-        return f"The momentum balance alone, without a network, gives mu = {text}{self._walls}."
+        verb = "gives" if self.shown else "does"
+        return f"The momentum balance alone, without a network, {verb} {self._found}."
 
     @property
-    def _walls(self) -> str:
+    def _found(self) -> str:
+        """The friction, or why there is none."""
+        if not self.shown:
+            return f"not apply: {self.reason}"
         friction = self.wall_friction
-        return "" if friction is None else f", with the friction {friction:g} of the side walls"
+        walls = "" if friction is None else f", with the friction {friction:g} of the side walls"
+        values = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
+        return f"mu = {values}{walls}"
 
     def __str__(self) -> str:
         """The line for the terminal."""
-        if not self.shown:
-            return f"momentum balance, no network: it does not apply: {self.reason}"
-        values = ", ".join(f"{p.mu:.3f} +- {p.se:.3f} at I = {p.I:.2g}" for p in self.shown)
-        return f"momentum balance, no network: mu = {values}{self._walls}"
+        start = "" if self.shown else "it does "
+        return f"momentum balance, no network: {start}{self._found}"
 
 
 def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) -> Baseline:
@@ -185,7 +173,7 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
     at = np.array([*(p.I for p in points), mean.I])
     of_window, of_walls = (cells.change(other, at, I0) for other in (wider, rougher))
     of_noise = cells.changes(noisier)
-    of_depth = np.abs(upper.curve(at, I0) - lower.curve(at, I0)) / 2
+    of_depth = np.abs(cells.curve(at, I0, upper) - cells.curve(at, I0, lower)) / 2
     scatter = np.array([*(p.se for p in points), mean.se])
     of_model = MODEL * np.array([*(p.mu for p in points), mean.mu])
     parts = {"scatter": scatter, "window": of_window, "depth": of_depth, "model": of_model}
@@ -200,9 +188,8 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
     if not mean.se < LARGEST_ERROR * mean.mu:
         worst = max(relative, key=lambda name: relative[name])
         reason = f"{_DISAGREEMENT[worst]} by {relative[worst]:.0%}"
-    law = _law(points, I0)
     friction = None if gap is None else side_walls.friction
-    return Baseline(reason, tuple(points), mean, law, window, relative, wall_friction=friction)
+    return Baseline(reason, tuple(points), mean, window, relative, wall_friction=friction)
 
 
 _DISAGREEMENT = {
@@ -277,16 +264,17 @@ class _Cells:
         i, mu = np.average(self.I[k], weights=normal), shear.sum() / normal.sum()
         return Point(float(i), float(mu), float(np.sqrt(scatter)), len(k))
 
-    def halves(self) -> tuple[_Cells, _Cells]:
+    def halves(self) -> tuple[Bool, Bool]:
         """The upper and the lower half of the cells of every bin."""
         upper: Bool = np.zeros(len(self.I), bool)
         for k in self.bins():
             upper[k] = self.depth[k] < np.median(self.depth[k])
-        return self._some(upper & self.within), self._some(~upper & self.within)
+        return upper & self.within, ~upper & self.within
 
-    def curve(self, at: Float64, I0: float) -> Float64:
-        """mu at inertial numbers, of the law that the cells within the range fit best."""
-        x, p, s = (a[self.within] for a in (self.I / (self.I + I0), self.normal, self.shear))
+    def curve(self, at: Float64, I0: float, some: Bool | None = None) -> Float64:
+        """mu at inertial numbers, of the law that some cells, or all in the range, fit best."""
+        k = self.within if some is None else some
+        x, p, s = (a[k] for a in (self.I / (self.I + I0), self.normal, self.shear))
         low, high = self.range
         y = at / (at + I0)
         if high <= NARROW * low:
@@ -318,13 +306,6 @@ class _Cells:
             return np.zeros_like(at)
         return np.asarray(np.abs(_Cells(other).curve(at, I0) - self.curve(at, I0)))
 
-    def _some(self, k: Bool) -> _Cells:
-        some = object.__new__(_Cells)
-        for name in ("I", "shear", "normal", "depth", "block", "within"):
-            setattr(some, name, getattr(self, name)[k])
-        some.range, some.fewest = self.range, self.fewest
-        return some
-
 
 def _parts(values: Float64 | Index, count: int) -> Index:
     """The number of the part, 0 to count - 1, of equally many values each."""
@@ -332,24 +313,6 @@ def _parts(values: Float64 | Index, count: int) -> Index:
         return np.zeros(len(values), np.intp)
     edges = np.quantile(values, np.arange(1, count) / count)
     return np.asarray(np.searchsorted(edges, values, side="right"))
-
-
-def _law(points: list[Point], I0: float) -> LawFit | None:
-    """The law through the points by weighted least squares; it is linear in (mu_s, mu_2).
-
-    Standard deviations are widened by the scatter where that is larger than `se` states.
-    """
-    if len(points) < 3 or points[-1].I <= NARROW * points[0].I:
-        return None
-    i, mu, se = (np.array([getattr(p, name) for p in points]) for name in ("I", "mu", "se"))
-    if not np.isfinite(se).all() or not (se > 0).all():
-        return None
-    x = i / (i + I0)
-    matrix = np.stack([1 - x, x], axis=1) / se[:, None]
-    values = np.linalg.lstsq(matrix, mu / se, rcond=None)[0]
-    chi2 = float(np.sum((matrix @ values - mu / se) ** 2)) / (len(points) - 2)
-    sd = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)) * max(1.0, chi2))
-    return LawFit(float(values[0]), float(values[1]), I0, float(sd[0]), float(sd[1]))
 
 
 def make(inspection: Inspection) -> Baseline:

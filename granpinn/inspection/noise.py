@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from granpinn.data import Flow
-from granpinn.data.noise import max_speed
+from granpinn.data.noise import max_speed, stated_sigmas
 from granpinn.estimates.noise import Noise
 from granpinn.inspection import NEGLIGIBLE_NOISE, Inspection
 from granpinn.results.record import ADVICE, Check, Reason, Record
@@ -107,14 +107,11 @@ def make(inspection: Inspection) -> MeasuredNoise:
 
 def _stated(flow: Flow) -> float | None:
     """Median standard deviation that the file states."""
-    if flow.particles is not None and flow.particles.sigma_u is not None:
-        sigma: Any = (flow.particles.sigma_u, flow.particles.sigma_v)
-    elif flow.sigma_u is None or flow.sigma_v is None:
+    sigmas = [np.asarray(sigma) for sigma in stated_sigmas(flow)]
+    if not all(sigma.any() for sigma in sigmas):
         return None
-    else:
-        sigma = [np.broadcast_to(s, flow.valid.shape) for s in (flow.sigma_u, flow.sigma_v)]
-        sigma = [s[flow.valid] for s in sigma]
-    return math.hypot(*(float(np.median(s)) for s in sigma)) / math.sqrt(2)
+    used = [sigma[flow.valid] if sigma.ndim == 3 else sigma for sigma in sigmas]
+    return math.hypot(*(float(np.median(sigma)) for sigma in used)) / math.sqrt(2)
 
 
 def _map(inspection: Inspection) -> Any:

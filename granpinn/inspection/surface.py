@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
-from granpinn.data import Flow, Surface
-from granpinn.estimates.upright import Upright, upright
+from granpinn.data import Flow
+from granpinn.data.large import some_frames
+from granpinn.estimates.upright import upright
 from granpinn.inspection import Inspection
 from granpinn.results.record import ADVICE, IMPOSSIBLE, IMPROBABLE, Check, Reason, Record
 
@@ -94,21 +95,23 @@ def make(inspection: Inspection) -> FreeSurface:
     middle = (flow.t[1:] + flow.t[:-1]) / 2
     frames = np.unique(np.searchsorted(middle, flow.surface.t)).size
     found = FreeSurface(flow.surface.t.size, frames / flow.t.size)
-    pose = upright(_some_frames(flow, flow.surface), 0) if flow.source is None else "driven"
+    some = np.unique(np.linspace(0, flow.t.size - 1, FRAMES).round().astype(int))
+    pose = upright(some_frames(flow, some), 0) if flow.source is None else "driven"
     if isinstance(pose, str):
         return found
-    dy = float(np.diff(pose.y).mean())
-    height, y = pose.height[:, None, :], pose.y[:, None]
-    grains = (pose.c > 0.5) & np.isfinite(pose.u) & np.isfinite(pose.v) & np.isfinite(height)
+    flow = pose.flow
+    dy = float(np.diff(flow.y).mean())
+    height, y = pose.height[:, None, :], flow.y[:, None]
+    grains = (flow.c > 0.5) & np.isfinite(flow.u) & np.isfinite(flow.v) & np.isfinite(height)
     if grains.sum() < FEWEST:
         return found
-    top, whole = _tops(grains, pose.y)
+    top, whole = _tops(grains, flow.y)
     dense = 2 * whole.sum() > np.isfinite(top).sum()
     return replace(
         found,
         above=float(np.mean((y > height + CELLS * dy)[grains])),
         gap=float(np.median((pose.height - top)[whole])) / dy if dense else 0.0,
-        down=_downhill(pose, grains & (y > height - LAYER * dy)),
+        down=_downhill(flow, grains & (y > height - LAYER * dy)),
     )
 
 
@@ -122,21 +125,10 @@ def _tops(grains: Bool, y: Float64) -> tuple[Float64, Bool]:
     return top, there & (grains.sum(axis=1) >= DENSE * cells)
 
 
-def _some_frames(flow: Flow, line: Surface) -> Flow:
-    """Frames spread over the flow, with their points of the line."""
-    k = np.unique(np.linspace(0, flow.t.size - 1, FRAMES).round().astype(int))
-    if k.size == flow.t.size:
-        return flow
-    frame = np.searchsorted((flow.t[1:] + flow.t[:-1]) / 2, line.t)
-    kept = np.isin(frame, k)
-    line = Surface(line.t[kept], line.x[kept], line.y[kept])
-    return replace(flow, t=flow.t[k], u=flow.u[k], v=flow.v[k], c=flow.c[k], p=None, surface=line)
-
-
-def _downhill(pose: Upright, layer: Bool) -> float | None:
+def _downhill(flow: Flow, layer: Bool) -> float | None:
     """The mean of v . g over that of |v| |g| in a layer [T, Y, X]."""
-    u, v = (np.asarray(a[layer], np.float64) for a in (pose.u, pose.v))
-    g_x, g_y = pose.gravity
+    u, v = (np.asarray(a[layer], np.float64) for a in (flow.u, flow.v))
+    g_x, g_y = flow.gravity
     speed = float(np.hypot(u, v).sum()) * math.hypot(g_x, g_y)
     if u.size < FEWEST or not speed > 0:
         return None

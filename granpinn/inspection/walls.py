@@ -28,7 +28,7 @@ class WallContacts(Record):
 
 def make(inspection: Inspection) -> WallContacts | None:
     found = walls_of(with_partial_cells(inspection.flow))
-    return None if found is None else WallContacts(tuple(found[2]))
+    return None if found is None else WallContacts(tuple(found[1]))
 
 
 CHECK = Check("walls", WallContacts, make, seconds=0.09, quick=False)

@@ -5,7 +5,7 @@ Equation (1) of the paper is $I = d\,\dot\gamma / \sqrt{|p| / \rho_g}$.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -27,18 +27,9 @@ def inertial_number(gamma_dot: Tensor, p: Tensor, d: float, p_floor: float) -> T
     return d * gamma_dot / torch.sqrt(torch.clamp(torch.abs(p), min=p_floor))
 
 
-def by_parameters(
-    law: FrictionLaw,
-    I: Float64,
-    theta: Sequence[float] | Float64,
-    of: Callable[[Tensor, Tensor], Tensor] = lambda mu, theta: mu,
-) -> Float64:
-    """d mu / d theta of a law at inertial numbers I [n], for all N parameters: [n, N].
-
-    Args:
-        of: gives what is differentiated instead, from mu [n] and the parameters [N, n].
-    """
+def by_parameters(law: FrictionLaw, I: Float64, theta: Sequence[float] | Float64) -> Float64:
+    """d mu / d theta of a law at inertial numbers I [n], for all N parameters: [n, N]."""
     rows = torch.tensor(theta, dtype=torch.float64).repeat(len(I), 1).requires_grad_()
-    values = of(law.friction(torch.as_tensor(I), *rows.unbind(1)), rows.T)
-    (found,) = torch.autograd.grad(values.sum(), rows)  # value k depends on row k alone
+    mu = law.friction(torch.as_tensor(I), *rows.unbind(1))
+    (found,) = torch.autograd.grad(mu.sum(), rows)  # value k depends on row k alone
     return np.asarray(found.numpy())

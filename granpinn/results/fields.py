@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Int64
 from granpinn.data.flow import STEADY
-from granpinn.data.hdf5 import Attributes, Hdf5File, read_hdf5
+from granpinn.data.hdf5 import Hdf5File, read_hdf5
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
@@ -235,8 +235,8 @@ def read_fields(path: str | Path) -> Fields:
 
 def _read(file: Hdf5File) -> Fields:
     attributes = file.attributes
-    name = _text(attributes, "format_name")
-    version = _number(attributes, "format_version")
+    name = attributes.text("format_name", True)
+    version = attributes.number("format_version", True)
     if name != FORMAT_NAME or version != FORMAT_VERSION:
         raise UnsafeFileError(
             f"expected version {FORMAT_VERSION}, got {name} version {version:g}: read it with the "
@@ -256,23 +256,21 @@ def _read(file: Hdf5File) -> Fields:
         x=x,
         c=c,
         values=values,
-        units=Units(**{name: _text(attributes, f"{name}_unit") for name in names}),
-        length=_number(attributes, "length_scale"),
-        time=_number(attributes, "time_scale"),
-        pressure=_number(attributes, "pressure_scale"),
+        units=Units(**{name: attributes.text(f"{name}_unit", True) for name in names}),
+        length=attributes.number("length_scale", True),
+        time=attributes.number("time_scale", True),
+        pressure=attributes.number("pressure_scale", True),
         steady=attributes.numbers(STEADY) == (1,),
     )
 
 
 def _require(file: Hdf5File, name: str, axes: int) -> npt.NDArray[Any]:
     dataset = file.datasets.get(name)
-    found = "none" if dataset is None else f"{len(dataset.layout.shape)} axes"
-    if dataset is None or len(dataset.layout.shape) != axes:
+    found = "none" if dataset is None else f"{len(dataset.shape)} axes"
+    if dataset is None or len(dataset.shape) != axes:
         raise UnsafeFileError(f"{name} must have {axes} axes, got {found}: predict again")
     if dataset.values is None:
-        raise UnsafeFileError(
-            f"{name} must hold numbers, got {dataset.layout.dtype}: predict again"
-        )
+        raise UnsafeFileError(f"{name} must hold numbers, got {dataset.dtype}: predict again")
     return dataset.values
 
 
@@ -284,20 +282,6 @@ def _on_grid(file: Hdf5File, name: str, shape: tuple[int, int, int]) -> Float32:
             f"{name} must be {shape} like t, y, x, got {values.shape}: predict again"
         )
     return values.astype(np.float32, copy=False)
-
-
-def _text(attributes: Attributes, name: str) -> str:
-    text = attributes.text(name)
-    if text is None:
-        raise UnsafeFileError(f"the attribute {name} must be text, got none: predict again")
-    return text
-
-
-def _number(attributes: Attributes, name: str) -> float:
-    found = attributes.numbers(name)
-    if found is None or len(found) != 1:
-        raise UnsafeFileError(f"the attribute {name} must be one number: predict again")
-    return float(found[0])
 
 
 D2_STAGNANT = 0.05  # in units of sqrt(|g| / H0)

@@ -238,7 +238,7 @@ def depth_of(flow: Flow, k: int) -> float:
     if flow.surface is None:
         return float(heights(flow)[k].mean())
     s = flow.surface
-    return float(np.nanmean(line_heights(flow.t[k : k + 1], flow.x, s.t, s.x, s.y)))
+    return float(np.nanmean(line_heights(flow.t[k : k + 1], flow.x, s)))
 
 
 def box_of(flow: Flow) -> float | None:

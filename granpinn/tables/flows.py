@@ -7,7 +7,6 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from granpinn.config import ConfigError
@@ -16,10 +15,10 @@ from granpinn.data.flow import SOLVER_CELL
 from granpinn.output import make_folder
 from granpinn.simulation import PAPER_CASES, Collapse, simulate
 from granpinn.simulation.engine import StepReport
+from granpinn.simulation.threads import threads
 
 Say = Callable[[str], None]
 
-SAY_EVERY = 10.0  # seconds
 SUFFIXES = (".h5", ".hdf5", ".nc")
 
 
@@ -82,54 +81,27 @@ def _holds(path: Path, collapse: Collapse) -> bool:
     )
 
 
-class _Board:
-    """One line every ten seconds with the progress of each simulation."""
-
-    def __init__(self, say: Say) -> None:
-        self.say, self.done = say, dict[str, float]()
-        self.last = time.monotonic()
-        self.stop = False
-        self.lock = threading.Lock()
-
-    def heard(self, name: str, done: float) -> None:
-        if self.stop:
-            raise KeyboardInterrupt
-        with self.lock:
-            self.done[name] = done
-            now = time.monotonic()
-            if now - self.last < SAY_EVERY:
-                return
-            self.last = now
-            parts = [f"{name} {100 * part:.0f} %" for name, part in self.done.items()]
-        self.say(f"simulating: {', '.join(parts)}")
-
-
 def _simulate(missing: list[tuple[Collapse, Path]], say: Say) -> None:
     """Simulate side by side in threads: the compiled solver releases Python's lock."""
     cores = len(os.sched_getaffinity(0))
     at_once = min(cores, len(missing))
-    threads = max(1, cores // at_once)
-    say(f"simulating {len(missing)} collapses, {at_once} at a time, {threads} threads each")
-    board, begin = _Board(say), time.monotonic()
+    share = max(1, cores // at_once)
+    say(f"simulating {len(missing)} collapses, {at_once} at a time, {share} threads each")
+    begin, stopped = time.monotonic(), threading.Event()
+
+    def heard(_: StepReport) -> None:
+        if stopped.is_set():
+            raise KeyboardInterrupt
 
     def one(collapse: Collapse, path: Path) -> None:
-        scene = dataclasses.replace(collapse, threads=threads).resolved()
-        name, t_end = path.stem.removeprefix("collapse_"), scene.t_end
-        assert t_end is not None
-
-        def heard(report: StepReport) -> None:
-            board.heard(name, report.time / t_end)
-
+        scene = dataclasses.replace(collapse, threads=share)
         write_flow(simulate(scene, listener=heard), path)
         say(f"simulated {path.name} after {time.monotonic() - begin:.0f} s")
 
-    with ThreadPoolExecutor(at_once) as pool:
-        jobs = [pool.submit(one, collapse, path) for collapse, path in missing]
-        try:
-            for job in jobs:
+    try:
+        with threads(at_once) as pool:
+            for job in [pool.submit(one, collapse, path) for collapse, path in missing]:
                 job.result()
-        except BaseException:
-            board.stop = True  # the others end at their next step
-            for job in jobs:
-                job.cancel()
-            raise
+    except BaseException:
+        stopped.set()  # the others end at their next step
+        raise

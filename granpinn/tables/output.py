@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,8 +13,10 @@ from granpinn.output import write_text
 from granpinn.report.page import duration, template
 from granpinn.results import number, plain
 from granpinn.results.parameters import PRESSURES, SIMULATED
+from granpinn.results.record import Table
+from granpinn.results.results_file import write_table
 from granpinn.tables.paper import SOURCE_1, SOURCE_2, VELOCITY_ALONE, PaperRow
-from granpinn.tables.rows import Spread, TableRow
+from granpinn.tables.rows import TableRow
 from granpinn.tables.study import Study, batches
 
 FORMAT_NAME = "granpinn-tables"
@@ -69,12 +69,11 @@ def text(study: Study) -> str:
     lines = []
     for table in tables_of(study.rows):
         lines += ["", f"{table.title}, {study.config.recipe} recipe, {study.seeds} seeds"]
-        names = "".join(f"{name:>8}" for name in study.law.free)
-        errors = [f"{name} %" for name in study.law.free] + ["eps_p %"]
-        beside = "".join(f"{words:>16}{'paper':>6}" for words in errors)
-        fields = "".join(f"{words:>10}" for words in IN_TEXT.values())
-        lines.append(f"{'case':<16}{'noise':>6}{names}{beside}{fields}{'scatter %':>14}")
-        lines += [_line(row, paper) for row, paper in table.rows]
+        head = ["case", "noise", *study.law.free]
+        for name in (*study.law.free, "eps_p"):
+            head += [f"{name} %", "paper"]
+        head += [*IN_TEXT.values(), "scatter %"]
+        lines += Table(head, [_cells(row, paper) for row, paper in table.rows]).lines()
     return "\n".join([*lines, "", summary(study)])
 
 
@@ -92,17 +91,16 @@ def summary(study: Study) -> str:
     )
 
 
-def _line(row: TableRow, paper: PaperRow | None) -> str:
-    cells = [f"{case_name(row)[:15]:<16}{row.noise:6.2f}"]
-    cells += [f"{number(value, '.4f'):>8}" for value in row.values.values()]
+def _cells(row: TableRow, paper: PaperRow | None) -> list[str]:
+    cells = [case_name(row), f"{row.noise:.2f}"]
+    cells += [number(value, ".4f") for value in row.values.values()]
     for name in (*row.values, "pressure"):
-        known = paper_error(paper, name)
-        cells.append(f"{_median_worst(row.errors[name]):>16}{number(known, '.2f'):>6}")
-    for name in IN_TEXT:
-        cells.append(f"{number(row.errors[name].median, '.2f'):>10}")
+        own = row.errors[name]
+        cells.append(f"{number(own.median, '.2f')} ({number(own.worst, '.2f')})")
+        cells.append(number(paper_error(paper, name), ".2f"))
+    cells += [number(row.errors[name].median, ".2f") for name in IN_TEXT]
     scatter = [number(row.errors[name].scatter, ".2f") for name in row.values]
-    cells.append(f"{'/'.join(scatter):>14}")
-    return "".join(cells) + (f"  {row.failed} diverged" if row.failed else "")
+    return [*cells, "/".join(scatter) + (f", {row.failed} diverged" if row.failed else "")]
 
 
 def paper_error(paper: PaperRow | None, name: str) -> float | None:
@@ -110,10 +108,6 @@ def paper_error(paper: PaperRow | None, name: str) -> float | None:
     short = "p" if name == "pressure" else name
     found: float | None = getattr(paper, f"error_{short}", None)
     return found
-
-
-def _median_worst(spread: Spread) -> str:
-    return f"{number(spread.median, '.2f')} ({number(spread.worst, '.2f')})"
 
 
 def content(study: Study) -> dict[str, Any]:
@@ -171,26 +165,25 @@ def _row_content(row: TableRow) -> dict[str, Any]:
     }
 
 
-def csv_text(study: Study) -> str:
-    """One line per case and table, every error with median, worst and scatter."""
-    out = io.StringIO(newline="")
-    writer = csv.writer(out, lineterminator="\n")
+def csv_rows(study: Study) -> list[dict[str, Any]]:
+    """A row for each case and table: every error with median, worst and scatter."""
     statistics = ("median", "worst", "scatter", "rmse", "bias", "signed_median")
-    free, measures = study.law.free, (*study.law.free, *FIELDS)
-    fixed = [name for name in study.law.names if name not in free]
-    header = ["table", "case", "noise", "level", *(f"true_{name}" for name in free), *fixed]
-    header += ["n_points", "members", "failed", *free]
-    header += [f"{name}_{what}" for name in measures for what in statistics]
-    writer.writerow([*header, *(f"paper_{name}" for name in PaperRow._fields)])
+    free = study.law.free
+    rows = []
     for table in tables_of(study.rows):
         for row, paper in table.rows:
-            cells = [table.title.partition(":")[0], row.name, row.noise, row.level]
-            cells += [getattr(row.truth, name, None) for name in free]
-            cells += [*row.fixed.values(), row.n_points, row.members, row.failed]
-            cells += row.values.values()
-            cells += [getattr(row.errors[name], what) for name in measures for what in statistics]
-            writer.writerow([*cells, *(paper or (None,) * len(PaperRow._fields))])
-    return out.getvalue()
+            cells: dict[str, Any] = {"table": table.title.partition(":")[0], "case": row.name}
+            cells |= {name: getattr(row, name) for name in ("noise", "level")}
+            cells |= {f"true_{name}": getattr(row.truth, name, None) for name in free}
+            cells |= row.fixed | {n: getattr(row, n) for n in ("n_points", "members", "failed")}
+            cells |= row.values
+            for name in (*free, *FIELDS):
+                cells |= {f"{name}_{what}": getattr(row.errors[name], what) for what in statistics}
+            known = paper or (None,) * len(PaperRow._fields)
+            rows.append(
+                cells | {f"paper_{n}": v for n, v in zip(PaperRow._fields, known, strict=True)}
+            )
+    return rows
 
 
 def html(study: Study) -> str:
@@ -208,11 +201,8 @@ def html(study: Study) -> str:
 
 def write(study: Study, folder: Path) -> Path:
     """Write tables.json, tables.csv and tables.html; the path of the page."""
-    texts = {
-        "tables.json": json.dumps(content(study), indent=1, allow_nan=False) + "\n",
-        "tables.csv": csv_text(study),
-        "tables.html": html(study),
-    }
-    for name, written in texts.items():
-        write_text(folder / name, written)
+    text = json.dumps(content(study), indent=1, allow_nan=False) + "\n"
+    write_text(folder / "tables.json", text)
+    write_table(csv_rows(study), folder / "tables.csv")
+    write_text(folder / "tables.html", html(study))
     return folder / "tables.html"

@@ -85,21 +85,12 @@ def test_a_resumed_run_takes_its_settings_from_its_folder(tmp_path: Path) -> Non
     assert resumed == dataclasses.replace(config, resume=True)
 
 
-@pytest.mark.parametrize(
-    ("content", "what"),
-    [
-        ("[walls]\nfriction = 0.1", "the section [walls]"),
-        ("[weights]\nnoise_part = 1", "the unknown setting weights.noise_part"),
-    ],
-)
-def test_a_run_of_another_version_is_not_resumed(content: str, what: str, tmp_path: Path) -> None:
-    (tmp_path / "config.toml").write_text(content)
-    with pytest.raises(ConfigError) as error:
+def test_a_run_of_another_version_is_not_resumed(tmp_path: Path) -> None:
+    (tmp_path / "config.toml").write_text("[weights]\nnoise_part = 1")
+    with pytest.raises(
+        ConfigError, match="another version, has the unknown setting weights.noise_part"
+    ):
         parse(["--out", str(tmp_path), "--resume"])
-    assert str(error.value) == (
-        f"{tmp_path} holds a run of another version of granpinn (its config.toml has {what}): "
-        "resume it with that version, or begin anew with another folder"
-    )
     (tmp_path / "config.toml").write_text("steps = ")
     with pytest.raises(ConfigError, match="could not be read as TOML"):
         parse(["--out", str(tmp_path), "--resume"])
@@ -149,7 +140,7 @@ def test_a_bad_command_line_is_refused_in_one_sentence(case: str) -> None:
     [
         ("steps = ", "could not be read as TOML"),
         ("stepz = 3", "unknown setting stepz"),
-        ("[walls]\nfriction = 0.1", "has the section [walls], which is now [side_walls]"),
+        ("[walls]\nfriction = 0.1", "did you mean side_walls.friction?"),
         ("[network]\nwidth = 3", "unknown setting network.width"),
         ('steps = "many"', "steps must be a whole number, got 'many'"),
         ("resume = 1", "resume must be true or false, got 1"),

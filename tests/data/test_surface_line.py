@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from granpinn.data import Surface
 from granpinn.data.surface import line_heights
 
 T = np.array([0.0, 1.0, 2.0])
@@ -13,7 +14,7 @@ X = np.array([0.0, 0.5, 1.5, 3.0])
 
 def heights(*points: tuple[float, float, float]) -> np.ndarray:
     """Of points (t, x, y) in any order."""
-    return line_heights(T, X, *np.array(points, float).T)
+    return line_heights(T, X, Surface(*np.array(points, float).T))
 
 
 def test_heights_are_linear_between_points_and_missing_beyond_them() -> None:

@@ -11,12 +11,7 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, FlowFileError, Particles, particle_flow, read_flow, write_flow
-from granpinn.data.surface import (
-    from_fraction,
-    spacing,
-    surface_sd,
-    with_moved_surface,
-)
+from granpinn.data.surface import from_fraction, moved, spacing, surface_sd
 from tests.flows import make_flow
 
 FINE = {"frames": 4, "rows": 66, "columns": 120}
@@ -50,9 +45,9 @@ def test_a_line_of_any_direction_moves_away_from_the_grains(turn: float) -> None
     assert flow.surface is not None
     x, y = 1 + 0.4 * np.cos(angle), 0.55 + 0.4 * np.sin(angle)
     line = replace(flow.surface, t=np.full(60, flow.t[1]), x=x, y=y, p=None)
-    moved = with_moved_surface(replace(flow, c=c, u=velocity, v=velocity, surface=line), 0.05)
-    assert moved.surface is not None
-    radius = np.hypot(moved.surface.x - 1.0, moved.surface.y - 0.55)
+    there = with_moved_surface(replace(flow, c=c, u=velocity, v=velocity, surface=line), 0.05)
+    assert there.surface is not None
+    radius = np.hypot(there.surface.x - 1.0, there.surface.y - 0.55)
     # The ends of the line have neighbors on one side alone.
     np.testing.assert_allclose(radius[3:-3], 0.45, atol=1e-3)
 
@@ -61,11 +56,11 @@ def test_a_line_of_any_direction_moves_away_from_the_grains(turn: float) -> None
 def test_the_fraction_shows_where_the_line_should_be(offset: float) -> None:
     """c falls through 1/2 on the line of `make_flow`, to a fraction of a cell."""
     flow = make_flow(**FINE)
-    moved = with_moved_surface(flow, offset * spacing(flow))
+    there = with_moved_surface(flow, offset * spacing(flow))
     assert flow.surface is not None
-    assert moved.surface is not None
+    assert there.surface is not None
     assert from_fraction(flow, flow.surface) < 0.1 * spacing(flow)
-    found = from_fraction(moved, moved.surface)
+    found = from_fraction(there, there.surface)
     assert found == pytest.approx(abs(offset) * spacing(flow), rel=0.2)
 
 
@@ -112,3 +107,8 @@ def test_other_values_are_refused(tmp_path: Path, value: Any, words: str) -> Non
         file.attrs["surface_sd"] = value
     with pytest.raises(FlowFileError, match="surface_sd"):
         read_flow(tmp_path / "flow.h5")
+
+
+def with_moved_surface(flow: Flow, offset: float) -> Flow:
+    assert flow.surface is not None
+    return replace(flow, surface=moved(flow, flow.surface, offset))

@@ -29,11 +29,14 @@ RULES: dict[str, tuple[Walls, str]] = {
     "huge": (line((-1e308, 0), (1e308, 0)), "wall_x must lie within x"),
     "a piece of one point": (
         line((0, 0), (2, 0), (NAN, NAN), (0, 1)),
-        "every piece of a wall must have at least two points, got one at index 3",
+        "at least two points that differ, got none in that at index 3",
     ),
-    "only NaN": (line((NAN, NAN), (NAN, NAN)), "at least two points, got none"),
+    "only NaN": (
+        line((NAN, NAN), (NAN, NAN)),
+        "at least two points that differ, got none in that at index 0",
+    ),
     "no point": (Walls(np.empty(0), np.empty(0)), "wall_x must hold at least one point"),
-    "one place": (line((1, 1), (1, 1)), "wall_x and wall_y must be lines"),
+    "one place": (line((1, 1), (1, 1)), "at least two points that differ"),
     "short": (Walls(np.zeros(2), np.zeros(3)), "wall_y must have as many points as wall_x, 2"),
     "u alone": (replace(FLOOR, u=full(1.0)), "wall_u and wall_v must come together"),
     "velocity of NaN": (replace(FLOOR, u=full(1.0), v=full(NAN)), "wall_v must be finite"),

@@ -112,14 +112,14 @@ def test_vectors_of_a_box_hold_its_conditions(seed: int) -> None:
     check_flow(flow)
     found = walls_of(flow)
     assert found is not None
-    touch, held, facts = found
-    assert len(touch.x) == 2 * 16 + 2 * 12
-    assert np.mean(held.closed) > 0.95
-    k = held.closed
-    np.testing.assert_allclose(np.sum(held.target * touch.normal, axis=1)[k], 0, atol=1e-12)
-    exact = np.stack(stagnation(touch.x, touch.y), 1)
+    touch, facts = found
+    assert len(touch.point) == 2 * 16 + 2 * 12
+    assert np.mean(touch.closed) > 0.95
+    k = touch.closed
+    np.testing.assert_allclose(np.sum(touch.target * touch.normal, axis=1)[k], 0, atol=1e-12)
+    exact = np.stack(stagnation(*touch.point.T[:2]), 1)
     # A plane over 3 cells misses the curvature (4/3) (pi/12)^2 by 3^2/8 times it at most.
-    assert np.abs(held.target - exact)[k].max() < 0.05 + 4 / 3 * (np.pi / 12) ** 2 * 9 / 8
+    assert np.abs(touch.target - exact)[k].max() < 0.05 + 4 / 3 * (np.pi / 12) ** 2 * 9 / 8
     assert [wall.stated for wall in facts] == [False, False]
 
 
@@ -168,9 +168,9 @@ def test_a_turning_drum() -> None:
     for walls, share in ((turning, 1.0), (circle, 0.0)):
         found = walls_of(replace(flow, walls=walls))
         assert found is not None
-        assert len(found[0].x) >= 50  # of 62; cells are up to 2 away elsewhere
-        assert found[2][0].sticks == share
-        assert found[2][0].closed == 1.0
+        assert len(found[0].point) >= 50  # of 62; cells are up to 2 away elsewhere
+        assert found[1][0].sticks == share
+        assert found[1][0].closed == 1.0
 
 
 def test_known_pressure_counts_at_every_level() -> None:
@@ -234,5 +234,5 @@ def test_walls_of_a_chute_hold() -> None:
     bed = replace(line((0, 0), (32, 0)), slip=single(0, 0))
     found = walls_of(make_chute(walls=bed))
     assert found is not None
-    assert found[2][0].points == 16
-    assert found[2][0].closed == 1.0
+    assert found[1][0].points == 16
+    assert found[1][0].closed == 1.0

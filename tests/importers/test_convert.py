@@ -174,7 +174,10 @@ WRONG = {
         ["FILE", "--out", "f.h5", *CAMERA, *MATERIAL, "--origin", "3"],
         "--origin must be two numbers x,y, got '3'",
     ),
-    "flip": (["FILE", "--out", "f.h5", "--flip-y", "maybe"], "--flip-y must be auto, yes or no"),
+    "flip": (
+        ["FILE", "--out", "f.h5", "--flip-y", "maybe"],
+        "--flip-y must be one of auto",
+    ),
     "gravity": (
         ["FILE", "--out", "f.h5", *CAMERA, *MATERIAL, "--gravity", "-9.81 m/s^2"],
         "--gravity must be positive",

@@ -15,6 +15,8 @@ from granpinn.importers.opyf import read_depths
 from tests.importers import scene
 
 MATERIAL = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
+
+
 FRAMES, GRAINS = 7, 40
 
 
@@ -50,6 +52,8 @@ TRACKMATE = (
     "Label,Track ID,X,Y,Frame,Spot ID",
     "Label,Track ID,X,Y,Frame,Spot ID",
 )
+
+
 DIALECTS: dict[str, tuple[str, str, dict[str, Any]]] = {
     "semicolons": (table(separator=";", sign=","), "utf-8", {}),
     "pandas with tabs": (

@@ -21,8 +21,6 @@ def test_the_shipped_collapse(demo: Flow) -> None:
     for point in (*found.points, found.mean):
         truth = 0.4 + 0.24 * point.I / (point.I + 0.3)
         assert abs(point.mu - truth) < 2 * point.se
-    assert found.law is not None
-    assert found.law.mu_s == pytest.approx(0.4, abs=2 * found.law.mu_s_sd)
     assert found.I_range == (found.points[0].I, found.points[-1].I)
     assert "without a network, gives mu = 0.4" in found.sentence
 
@@ -31,7 +29,6 @@ def test_one_inertial_number_gives_one_point() -> None:
     found = baseline(chute())
     assert found.reason is None
     assert len(found.points) == 1
-    assert found.law is None
     point = found.points[0]
     assert point.mu == pytest.approx(TANGENT, rel=1e-5)
     assert pytest.approx(number_of(TANGENT), rel=0.02) == point.I

@@ -29,7 +29,7 @@ def test_what_it_prints_and_writes(
     assert content["facts"]
     assert numbers["vectors"]["count"] == int(demo.valid.sum())
     assert numbers["noise"]["relative"] == pytest.approx(0.02, rel=0.25)
-    assert numbers["precision"]["bounds"]["known"]["mu_s"] > 0
+    assert numbers["precision"]["expected"]["mu_s"] > 0
     assert numbers["momentum_balance"]["mean"]["mu"] == pytest.approx(0.44, abs=0.03)
     assert "The momentum balance alone, without a network, gives mu = 0." in " ".join(printed)
     for name in ("validity", "speed", "inertial_number", "noise"):

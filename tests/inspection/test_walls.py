@@ -64,7 +64,7 @@ def test_inspect_says_so_first() -> None:
     found = inspect(plane_shear())
     sentences = found.sentences
     assert sentences[0].startswith("No friction coefficient can be given: the flow has no free")
-    assert found["precision"].bounds is None
+    assert found["precision"].expected is None
     assert found.numbers()["friction_refused_because"] == NO_WORK_WORDS
     printed = found.lines()
     assert any(row.startswith("walls   ") and "(0, 0) to (16, 0)" in row for row in printed)

@@ -57,7 +57,7 @@ def score(true: Flow, flow: Flow, result: Result) -> dict[str, Any]:
     if line is None or true.surface is None:
         raise commands.ExperimentError("convert traced no surface")
     places = true.x[true.x < line.x.max()]
-    found, exact = (line_heights(true.t, places, s.t, s.x, s.y) for s in (line, true.surface))
+    found, exact = (line_heights(true.t, places, s) for s in (line, true.surface))
     assert result.law.I_range is not None
     I = np.geomspace(*result.law.I_range, 3)
     assert true.truth is not None

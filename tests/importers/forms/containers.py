@@ -97,7 +97,7 @@ def data_set(
     whole: float,
 ) -> Given | None:
     kind, _, fill = gone.partition(" ")
-    if kind == "chc" and (holder == "DataArrays" or (store == "i2" and fill == "9e9")):
+    if kind == "chc" and store == "i2" and fill == "9e9":
         return None
     c = None if whole == 0 else scene.fraction() * whole
     seen = view(units, up)
@@ -106,7 +106,7 @@ def data_set(
     settings = physical.SETTINGS | {"flip_y": "no" if up else "yes"}
     flow = physical.flow(fraction=whole > 0)
     rounding = ROUNDINGS[store.split()[0]]
-    if holder in ("Dataset", "DataArrays", "undecoded"):
+    if holder in ("Dataset", "undecoded"):
         if holder == "undecoded":
             path = written(folder, "netcdf3", data, store)
             data = xarray.open_dataset(path, mask_and_scale=False, decode_times=False)
@@ -114,8 +114,6 @@ def data_set(
             return None
         else:
             data = data.map(partial(stored_variable, store)).assign_coords(data.coords)
-        if holder == "DataArrays":
-            return Given(partial(granpinn.flow, **data.data_vars, **settings), flow, rounding)
         return Given(partial(granpinn.flow, data, **settings), flow, rounding)
     return Given(partial(read, written(folder, holder, data, store), **settings), flow, rounding)
 
@@ -153,7 +151,7 @@ FAMILIES = {
     "xarray": Family(
         data_set,
         {
-            "holder": plain("netcdf3", "netcdf4", "zarr 2", "zarr 3", "Dataset", "DataArrays")
+            "holder": plain("netcdf3", "netcdf4", "zarr 2", "zarr 3", "Dataset")
             | plain("undecoded"),
             "units": plain(METERS, "pix pix pix/dt pix/dt", "mm m cm/s mm/s") | odd("m px m/s m/s"),
             "time": plain("s", "", "frame") | odd("hours since 2020-01-01"),

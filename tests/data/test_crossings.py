@@ -18,6 +18,8 @@ from granpinn.fit.case import pose
 from tests.flows import make_flow
 
 MANY = 99_999  # points: walls may have 100,000
+
+
 NAN = np.nan
 
 
