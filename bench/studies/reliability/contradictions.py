@@ -203,6 +203,30 @@ def trackpy(folder: Path) -> list[Path]:
     return [folder / "a.h5"]
 
 
+def edited(files: Files, edit: str, folder: Path) -> list[Path]:
+    """Copies of text files, of which each is edited as a case says."""
+    copies = []
+    for path in files(folder):
+        *above, last = path.read_text(encoding="utf-8").splitlines()
+        if edit == "comment lines above":
+            above = ["# by hand", "# x, y of the film", *above]
+        elif edit == "cut off":
+            last = last[: len(last) // 2]
+        elif edit == "a comma in the numbers":
+            last = last.replace(".", ",")
+        copies.append(folder / path.name)
+        coding = "utf-16" if edit == "UTF-16" else "utf-8"
+        copies[-1].write_text("\n".join([*above, last]) + "\n", encoding=coding)
+    return copies
+
+
+DAMAGES = {
+    "cut off": (2, "it was cut off here"),
+    "a comma in the numbers": (2, "a comma both|use points"),
+    "UTF-16": (0, "flow file: "),
+}
+
+
 def small() -> Arrays:
     """Four frames of 6 x 8 vectors of a shear flow in px."""
     y, x = 16.0 + 16 * np.arange(6), 16.0 + 16 * np.arange(8)
@@ -263,14 +287,19 @@ def stated_twice() -> Iterator[Case]:
             2,
             "length unit is stated twice: the file says m, --length-unit says mm",
         )
-    yield Case(
-        "2 ms, another pulse delay",
-        "Insight",
-        partial(insight, a),
-        ("--frame-rate", "15 Hz", "--pulse-delay", "1 ms", *GRAINS),
-        2,
-        again,
-    )
+    delayed: dict[str, Files] = {
+        "Insight": partial(insight, a),
+        **{name: partial(write, a, xy=1e-4, uv=[0.05]) for name, write in calibrated.items()},
+    }
+    for name, made in delayed.items():
+        yield Case(
+            "2 ms, another pulse delay",
+            name,
+            made,
+            ("--frame-rate", "15 Hz", "--pulse-delay", "1 ms", *GRAINS),
+            2,
+            again,
+        )
     yield Case(
         "factors change",
         "Insight",
@@ -428,6 +457,13 @@ def of_tables() -> Iterator[Case]:
         yield Case("zeros", name, made, words, 0, "are exactly zero")
         missing = (*words, "--zeros", "missing")
         yield Case("zeros, --zeros missing", name, made, missing, 0, "not exactly zero")
+    texts: dict[str, tuple[Files, tuple[str, ...]]] = {
+        "PIVlab text": (partial(pivlab, a), (*rate, "--scale", "0.1 mm/px", *GRAINS)),
+        "Insight": (partial(insight, a), (*rate, *GRAINS)),
+    }
+    for name, (made, flags) in texts.items():
+        for damage, (code, said) in DAMAGES.items():
+            yield Case(damage, name, partial(edited, made, damage), flags, code, said)
     for name, text, before, code, said in (
         ("comment lines above", "# by hand\n# x, y of the film\n" + head, "", 0, "not cut off"),
         ("index without a name", f",{head}", "0,", 0, "not cut off"),
@@ -508,6 +544,14 @@ def traps(folder: Path) -> Iterator[Case]:
         ),
     )
     yield from (Case(f"trap: {name}", *others) for name, *others in rows)  # type: ignore[arg-type]
+    texts = {
+        "opyf CSV": (at("0*.csv"), lab),
+        "TrackMate": (at("trackmate.csv"), image),
+        "TracTrac": (at("videotest_track.txt"), (*image, *rate)),
+    }
+    for name, (files, flags) in texts.items():
+        for damage, (code, said) in {**DAMAGES, "comment lines above": (0, read)}.items():
+            yield Case(damage, name, partial(edited, files, damage), flags, code, said)
 
 
 def there(path: Path, _: Path) -> list[Path]:

@@ -72,6 +72,15 @@ def errors(result: Result) -> list[float]:
     return [round(100 * float(e), 2) for e in found / true - 1]
 
 
+def band(result: Result) -> list[list[float]]:
+    """The 90 % band of mu at both ends of the range of I."""
+    curve = result.law.curve
+    assert curve is not None
+    assert curve.low is not None
+    assert curve.high is not None
+    return [[round(float(side[k]), 3) for side in (curve.low, curve.high)] for k in (0, -1)]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("flows", nargs="+", type=Path)
@@ -89,8 +98,8 @@ def main() -> None:
                 result = identify(stated if averaged else seen, config)
                 row = {"mu_s": flow.truth.mu_s} if flow.truth else {}
                 row |= {"spacings": spacings, "averaged": averaged, "errors": errors(result)}
-                rows.append(row)
-                print(row, flush=True)
+                rows.append(row | {"band": band(result)})
+                print(rows[-1], flush=True)
             raw.write(options.out, {"steps": config.steps, "rows": rows})
 
 
