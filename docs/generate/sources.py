@@ -212,17 +212,6 @@ def right(cases: Iterable[dict[str, str]]) -> str:
     return f"{sum(answers)} of {len(answers)}"
 
 
-def contradictions_table() -> Iterator[str]:
-    """All formats in which each case was tried, and how many were right."""
-    yield from ("| case | formats | exit code | right |", "|---|---|---|---|")
-    cases: dict[tuple[str, str], list[dict[str, str]]] = {}
-    for row in tried(good=False):
-        cases.setdefault((row["case"].removeprefix("trap: "), row["exit code"]), []).append(row)
-    for (case, code), group in cases.items():
-        formats = ", ".join(dict.fromkeys(row["format"] for row in group))
-        yield f"| {case} | {formats} | {code} | {right(group)} |"
-
-
 def exits(run: str, steps: str) -> list[float]:
     """Times of a whole command in s."""
     timed = {
@@ -367,7 +356,6 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "windows.four_averaged": lambda: span(windows(4, averaged=True)),
     "windows.in_bands": in_bands,
     "windows.table": table(windows_table),
-    "contradictions.table": table(contradictions_table),
     "contradictions.right": lambda: right(tried(good=False)),
     "contradictions.good": lambda: right(tried(good=True)),
     # Times and outputs
