@@ -22,7 +22,7 @@ import torch
 from torch import Tensor
 from torch.utils._pytree import tree_map_only
 
-from bench.steps import HIDDEN, PHYSICS, make_task
+from bench.steps import HIDDEN
 from granpinn.config import Config, Network
 from granpinn.fit.case import pose
 from granpinn.identification.start import start
@@ -69,12 +69,6 @@ class Weighed:
             rng = torch.Generator().manual_seed(seed)
             change = torch.randn(self.params.shape, generator=rng, dtype=torch.float64)
             yield (self.params.double() * (1 + COPIED * change)).float()
-
-
-def random_network(form: str) -> Weighed:
-    """The network and points of the step benchmark, to try the arithmetic."""
-    task = make_task(form, 4096)
-    return Weighed(task.params, task.theta, task.batch, [1.0] * 5, task.spec, PHYSICS)
 
 
 def trained_network(form: str, steps: int, device: torch.device) -> Weighed:

@@ -58,12 +58,3 @@ def with_values(fields: Fields, **values: Array | float | None) -> Fields:
         else:
             new[name] = np.broadcast_to(value, fields.index.size).astype(np.float32)
     return replace(fields, values=new)
-
-
-def without_frame(fields: Fields, k: int, c: float) -> Fields:
-    """The fields with no point inside the grains at frame k, whose cells are filled to `c`."""
-    size = fields.y.size * fields.x.size
-    kept = fields.index // size != k
-    fraction = fields.c.copy()
-    fraction[k] = np.where(fraction[k] == 1, np.float32(c), 0)
-    return replace(fields, c=fraction, values={n: v[kept] for n, v in fields.values.items()})

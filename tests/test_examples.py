@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
-import math
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import pytest
 import torch
@@ -63,21 +61,6 @@ def test_an_inverse_problem_of_another_equation() -> None:
 
     _, found = example.train(100, count=256)
     assert example.NU < found[-1] < 0.7 * found[0]
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"hidden": (0,)}, "outputs and hidden widths must be positive"),
-        ({"lower": (0, 0)}, "three finite numbers each"),
-        ({"lower": (2, 0, 0)}, "lower <= upper"),
-        ({"upper": (math.inf, 1, 1)}, "three finite numbers each"),
-    ],
-    ids=str,
-)
-def test_an_impossible_network_is_refused(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        granpinn.SwishNetwork(**({"outputs": 1} | given))
 
 
 def test_a_network_of_any_outputs(device: torch.device) -> None:

@@ -162,18 +162,3 @@ def test_12_callbacks_show_and_stop(flow: Any, tmp_path: Path) -> None:
     again = granpinn.identify(flow, TINY, run_dir=tmp_path, resume=True)
     assert again.parameters == found.parameters
     assert again.stopped == "on_step"
-
-
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        (lambda: granpinn.identify(FLOW, {"stepz": 3}), "unknown setting stepz"),
-        (lambda: granpinn.identify(FLOW, stepz=3), "unknown setting stepz"),
-        (lambda: granpinn.identify(FLOW, out="run"), "out is no setting in Python: .*run_dir"),
-        (lambda: granpinn.identify(FLOW, 3), "config must be .*, got int 3"),
-        (lambda: granpinn.identify(FLOW, checks="quik"), "quik"),
-    ],
-)
-def test_mistakes_in_settings_are_one_sentence(call: Any, sentence: str) -> None:
-    with pytest.raises(ValueError, match=sentence):
-        call()

@@ -85,10 +85,3 @@ def test_a_page_has_text_code_tables_and_figures() -> None:
         '<div class="output">\n<table></table>\n</div>\n\n```text\nyes\n```\n\n![](a-b-1.png)\n'
     )
     assert [*notebooks.images("a_b", made)] == [("a-b-1.png", b"png")]
-
-
-def test_links_between_notebooks_are_links_of_the_site() -> None:
-    repository = hook("repository")
-    for path in NOTEBOOKS:
-        place = repository.place_on_site(f"examples/{path.name}", path.parents[1])
-        assert place == f"notebooks/{path.stem.replace('_', '-')}.md"

@@ -92,7 +92,7 @@ KEPT_BY_TESTS = (
     Gate(
         "F-2",
         "mutants of flow files and instrument files are read or refused",
-        ("tests/data/test_mutants.py", "tests/importers/test_damaged_files.py"),
+        ("tests/data/test_mutants.py", "tests/importers/test_mutants.py"),
     ),
     Gate("F-3", "no pickle, no eval, no shell, no network", ("tests/test_repository.py",)),
     Gate(

@@ -14,14 +14,15 @@ from typing import Any
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
-from granpinn.arrays import Float64, Int64
+from granpinn.arrays import Bool, Float64, Int64
 from granpinn.data.flow import Flow, FlowFileWarning, Surface
 from granpinn.filming import FilmSettings
 from granpinn.filming.frames import ImageSequence, Picture, opened
 from granpinn.filming.segmentation import Segmentation, segmented, traced
 from granpinn.filming.survey import Survey, UsableFrames, judged, survey
-from granpinn.filming.tracking import LONGEST, TrackedVectors, velocities
+from granpinn.filming.tracking import LONGEST, WINDOW, TrackedVectors, velocities
 from granpinn.importers import DataFileError, Settings, convert, units, vector_fields
 from granpinn.importers.limits import read_file
 from granpinn.importers.source import frames_of
@@ -95,7 +96,10 @@ def measure(
     line = given = None
     if segmentation.useful and settings.surface == "auto":
         line = traced(np.stack(levels), times, grain, (rows, columns), view, angle)
-    if line is not None:  # pixel 0 reaches from 0 to 1 in the line; its center is 0 in the vectors
+    if line is not None:
+        keep, line = _along(line, t, x, rows - y, grain)
+        t, x, y, u, v, sd = (values[keep] for values in (t, x, y, u, v, sd))
+        # Pixel 0 reaches from 0 to 1 in the line; its center is 0 in the vectors.
         given = line.t, line.x - 0.5, rows - line.y - 0.5
         d = units.si(settings.grain_diameter or "", "length", "--grain-diameter")
         sd_of_line = settings.surface_sd or f"{SURFACE_SD * d!r} m"
@@ -110,6 +114,24 @@ def measure(
     )
     flow = convert(vectors, _settings(settings, judgement, t), report, given)
     return Measured(flow, film, judgement, fields, line, said)
+
+
+def _along(line: Surface, t: Float64, x: Float64, y: Float64, grain: float) -> tuple[Bool, Surface]:
+    """Which vectors [n] have a window below the line, and the points of the line near vectors.
+
+    Grains at the surface hide those below them and have none above: a window that reaches beyond
+    them shows the velocity of their centers, which is too slow there (bench/studies/film).
+    """
+    keep, near = np.ones(t.size, bool), np.zeros(line.t.size, bool)
+    for time in np.unique(line.t):
+        points, vectors = np.flatnonzero(line.t == time), np.flatnonzero(t == time)
+        places = np.stack([x[vectors], y[vectors]], -1)
+        traced_at = np.stack([line.x[points], line.y[points]], -1)
+        keep[vectors] = cKDTree(traced_at).query(places)[0] > WINDOW / 2 * grain
+        if keep[vectors].any():
+            distance = cKDTree(places[keep[vectors]]).query(traced_at)[0]
+            near[points] = distance < 2 * WINDOW * grain
+    return keep, Surface(line.t[near], line.x[near], line.y[near])
 
 
 def _grain(settings: FilmSettings) -> float:
@@ -272,11 +294,12 @@ def _settings(settings: FilmSettings, judgement: UsableFrames, t: Float64) -> Se
     """The settings of the conversion: times count from the release."""
     changes: dict[str, Any] = {"mask": None, "frames": None}
     frame = units.frame_time(settings.frame_rate or "", "--frame-rate")
+    first = float(t.min()) * frame
     if settings.start is not None:  # of the first frame of the film
-        zero = units.si(settings.start, "time", "--start")
-        changes["start"] = f"{zero + t.min() * frame!r} s"
+        first += units.si(settings.start, "time", "--start")
     else:
-        changes["start"] = f"{float(t.min() - (judgement.release or 0.0)) * frame!r} s"
+        first -= (judgement.release or 0.0) * frame
+    changes["start"] = f"{first!r} s"
     if settings.surface in ("mask", "fraction"):
         raise DataFileError(f"--surface {settings.surface} is not for films: leave it out")
     return dataclasses.replace(settings, **changes)

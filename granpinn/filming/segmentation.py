@@ -30,7 +30,7 @@ CELL = 0.5  # side of a cell of the fraction, grain diameters
 SMOOTHING = 0.5  # standard deviation of the average, grain diameters
 EDGE = 3.0  # of the average that evens out single grains of the surface, cells
 AROUND = 8.0  # of the mean over the grains around, cells
-SEPARATED = 0.8  # part of the variance between the classes; 0.64 for an even distribution
+SEPARATED = 0.72  # part of the variance between the classes; at most 0.66 in grains alone
 MAX_JUMP = 0.1  # change of the area of the grains from frame to frame that a flow can make
 
 

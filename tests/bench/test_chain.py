@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.studies.experiment.commands import ExperimentError, convert, openpiv, run
+from bench.studies.experiment.commands import convert
 from bench.studies.experiment.film import Film, column, shoot
 from granpinn.simulation import Collapse
 
@@ -63,17 +63,3 @@ def test_true_vectors_lose_nothing(tmp_path: Path) -> None:
         around = [(a + way * away, b + up * away) for way in (-1, 0, 1) for up in (-1, 0, 1)]
         inside = [film.field.fraction(t, *map(np.atleast_1d, at))[0] for at in around]
         assert min(inside) < 0.5 < max(inside)
-
-
-def test_without_openpiv(tmp_path: Path) -> None:
-    without = tmp_path / "python"
-    without.write_text("#!/bin/sh\nexit 1\n")
-    without.chmod(0o755)
-    for python in (without, tmp_path / "missing"):
-        with pytest.raises(ExperimentError, match="python must have OpenPIV|missing must have"):
-            openpiv(str(python), 16)
-
-
-def test_a_failing_command_is_named() -> None:
-    with pytest.raises(ExperimentError, match="ended with 3: the last line"):
-        run(["/bin/sh", "-c", "echo first >&2; echo the last line >&2; exit 3"])

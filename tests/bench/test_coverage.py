@@ -13,9 +13,7 @@ from bench.studies import raw
 from bench.studies.coverage import fit, likelihood, materials, table
 from bench.studies.coverage.table import GRAINS, Row
 from granpinn.config import ConfigError
-from granpinn.data import Flow, write_flow
 from granpinn.results.records import Members
-from granpinn.simulation import Collapse
 from granpinn.uncertainty import error_model
 from granpinn.uncertainty.error_model import ErrorModel, Known, line
 
@@ -58,61 +56,6 @@ def drawn(count: int, rng: np.random.Generator, real: bool = False) -> list[Row]
     return rows
 
 
-def most_likely(rows: list[Row]) -> np.ndarray:
-    return likelihood.most_likely(likelihood.data_of(rows))
-
-
-def test_the_fit_finds_the_model_that_made_the_errors(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    rows = [*drawn(3000, rng), *drawn(300, rng, real=True)]
-    found = fit.model_of(most_likely(rows), rows, "made up", error_model.load())
-    ratio = np.array([found.sd(row.known) / TRUE.sd(row.known) for row in rows])
-    assert np.quantile(np.abs(np.log(ratio)), 0.95, axis=0) == pytest.approx([0, 0], abs=0.2)
-    for own, true in ((found.lower, TRUE.lower), (found.upper, TRUE.upper)):
-        for name in ("outline", "noise", "misfit", "law", "steps", "reach"):
-            assert own[name] == pytest.approx(true[name], abs=0.25), name
-    assert found.correlation == pytest.approx(-0.3, abs=0.06)
-    assert (found.level, found.tilt) == pytest.approx((0.02, 0.03), rel=0.25)
-    assert found.provenance == "made up"
-
-
-def test_a_model_covers_flows_that_it_has_not_seen(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    rows = drawn(800, rng)
-    found = fit.model_of(most_likely(rows), rows, "", error_model.load())
-    judged = [fit.judged(row, found) for row in drawn(1500, rng)]
-    inside = np.mean([j.pull <= 1 for j in judged], axis=0)
-    held = np.mean([j.missed == 0 for j in judged], axis=0)
-    assert [*inside, *held] == pytest.approx([0.9] * 4, abs=0.05)
-
-
-def test_grains_with_one_friction_are_judged_there() -> None:
-    (row,) = drawn(1, np.random.default_rng(0), real=True)
-    chute = row._replace(true_range=(0.015, 0.015), truth=(0.45, 0.45))
-    (x,) = likelihood.places_of(chute)
-    assert x == pytest.approx(0.015 / 0.315)
-    weights = likelihood.weights_at(chute, np.array([x]))
-    middle = line(chute.known.x)[:, 1]
-    share = (x - middle[0]) / (middle[1] - middle[0])
-    mu = chute.known.ends * [1 - share, share]
-    np.testing.assert_allclose(weights, [mu / mu.sum()])
-    assert likelihood.errors_at(chute, np.array([x])) == pytest.approx(np.log(mu.sum() / 0.45))
-    alone, both = (likelihood.data_of([r]) for r in (chute, row))
-    assert (alone.spread, both.spread) == (np.array([1.0]), np.array([0.0]))
-    p = likelihood.most_likely(both)
-    assert np.isfinite([likelihood.unlikely(p, alone), likelihood.unlikely(p, both)]).all()
-
-
-def test_constants_are_raised_until_every_population_is_held() -> None:
-    """85 % of the rows of the worst population, at either end."""
-    better = [np.array([0.1, 0.4])] * 50
-    worse = [np.array([1.2, 0.5])] * 15 + [np.array([0.3, 0.5])] * 35
-    assert fit.raised([better, worse]) == pytest.approx([1.2, 0.5])
-    wider = fit.with_constants(TRUE, np.array([2.0, 1.0]))
-    (row,) = drawn(1, np.random.default_rng(0))
-    assert wider.sd(row.known) / TRUE.sd(row.known) == pytest.approx([2.0, 1.0], rel=0.02)
-
-
 @pytest.fixture(scope="module")
 def stored() -> list[Row]:
     return table.read()
@@ -127,20 +70,6 @@ def test_the_shipped_model_holds_the_stored_flows(stored: list[Row]) -> None:
             continue
         inside = np.mean([j.pull <= 1 for j in judged], axis=0)
         assert np.all(inside >= 0.8), (name, inside)
-
-
-def test_a_family_that_was_left_out_is_held(stored: list[Row]) -> None:
-    """512 cells: no flow of such a simulation is in the fit."""
-    left = [row for row in stored if row.family == "512"]
-    others = [row for row in stored if row.family != "512"]
-    found = fit.model_of(most_likely(others), others, "", error_model.load())
-    judged = [fit.judged(row, found) for row in left]
-    assert len(judged) >= ENOUGH
-    assert np.all(np.mean([j.pull <= 1 for j in judged], axis=0) >= 0.85)
-    error, half, missed = (
-        np.array([getattr(j, n) for j in judged]) for n in ("error", "half", "missed")
-    )
-    assert np.all(fit.sharpness(error, half, missed) <= 1.3)
 
 
 def test_the_command_writes_a_model_that_can_be_loaded(
@@ -208,51 +137,6 @@ def test_raw_rows_make_the_table(tmp_path: Path) -> None:
     assert (drum.population, drum.name, drum.family) == (GRAINS, "drum-0.4", "drum")
     assert (drum.true_range, drum.known.real) == ((0.005, 0.1), True)
     assert (of_chute.truth, of_chute.true_range) == ((0.33, 0.33), (0.05, 0.05))
-
-
-def test_the_score_is_1_for_intervals_from_the_rms_error(seed: int) -> None:
-    error = np.random.default_rng(seed).normal(0, 0.02, 400)
-    own = 1.645 * np.sqrt(np.mean(error**2))
-
-    def score(half: float) -> float:
-        missed = np.maximum(abs(error) - half, 0.0)
-        return float(fit.sharpness(error, np.full(400, half), missed))
-
-    assert score(own) == pytest.approx(1)
-    assert score(3 * own) > 2
-    assert score(own / 3) > 2
-
-
-def test_the_materials_are_a_function_of_the_seed() -> None:
-    few, many = (materials.draw(n, 1, 5, cells=64) for n in (2, 4))
-    assert few[:2] == many[:2]
-    assert few[2:] == many[4:]
-    assert [task.law for task in few] == [materials.LAW] * 2 + [
-        "viscous",
-        "cohesive",
-        "reversed",
-        "silo",
-    ]
-    for task in many:
-        assert 0.2 <= task.scene.mu_s <= 0.6
-        assert 0.1 <= task.scene.mu_2 - task.scene.mu_s <= 0.3
-    viscous = few[2].scene
-    assert viscous.eta_min == pytest.approx(viscous.eta_max, rel=1e-5)
-    assert few[3].scene.cohesion >= 0.5
-
-
-def test_a_flow_is_read_as_an_experiment_would_give_it(flow: Flow, tmp_path: Path) -> None:
-    write_flow(flow, tmp_path / "flow.h5")
-    forward, back = (
-        materials.read(materials.Task("x", law, Collapse()), tmp_path / "flow.h5")
-        for law in (materials.LAW, "reversed")
-    )
-    assert (forward.eta_min, forward.eta_max) == (None, None)
-    np.testing.assert_array_equal(back.u, -forward.u[::-1])
-    np.testing.assert_array_equal(back.c, forward.c[::-1])
-    assert back.surface is not None
-    assert forward.surface is not None
-    np.testing.assert_allclose(np.unique(back.surface.t), np.unique(forward.surface.t), rtol=1e-12)
 
 
 def test_settings_go_to_the_identification() -> None:

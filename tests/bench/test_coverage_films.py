@@ -30,14 +30,3 @@ def test_a_film_has_the_grains_and_the_speed_of_its_collapse(tmp_path: Path) -> 
         raise AssertionError("the film is there")
 
     assert films.measured(small, tmp_path, no_piv) == path
-
-
-def test_films_of_one_seed_are_the_same() -> None:
-    assert films.tasks_of(3, 5)[:2] == films.tasks_of(2, 5)
-    assert films.tasks_of(1, 5) != films.tasks_of(1, 6)
-
-
-def test_results_need_a_file(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        films.main(["--out", "anywhere"])
-    assert "--json must name a file" in capsys.readouterr().err

@@ -8,13 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.studies.experiment.commands import ExperimentError
 from bench.studies.grains import coarse, surface
 from bench.studies.grains.materials import BULK_FRACTION, TIME_STEP, Material
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.scenes.scene import COLUMNS, Grid, Scene
 from bench.studies.grains.simulation import Snapshot, snapshots
-from granpinn.arrays import Float64
 from granpinn.estimates.quadratic_fits import smooth
 
 SPACING = 0.5  # of the particles below, fine against the kernel
@@ -48,14 +46,6 @@ def box(**changes: object) -> Scene:
     return replace(scene, **changes)  # type: ignore[arg-type]
 
 
-def test_kernel_integral_is_one() -> None:
-    step = 0.02
-    axis = np.arange(-4, 4, step)
-    x, y = np.meshgrid(axis, axis)
-    assert coarse.kernel(np.hypot(x, y)).sum() * step**2 == pytest.approx(1, rel=1e-3)
-    assert coarse.kernel(np.array([3.01]))[0] == 0
-
-
 def test_linear_fields_come_back_and_leave_no_kinetic_stress() -> None:
     fields = coarse.coarse_grain(box(), [particles(-6, 26, -6, 22)])
     inner = (0, slice(2, -2), slice(2, -2))
@@ -72,31 +62,6 @@ def test_linear_fields_come_back_and_leave_no_kinetic_stress() -> None:
     np.testing.assert_allclose(stress[..., coarse.XY], 0.5, atol=0.012)
 
 
-def test_fraction_does_not_fade_at_the_floor() -> None:
-    fields = coarse.coarse_grain(box(), [particles(-6, 26, 0, 22)])
-    assert fields.coverage[0, 3] == pytest.approx(0.84, abs=0.02)  # 1 sd above the floor
-    np.testing.assert_allclose(fields.phi[0, 0, 2:-2], BULK_FRACTION, rtol=0.01)
-
-
-@pytest.mark.parametrize("change", [{"mirror": True}, {"boundary": "p f p"}])
-def test_images_continue_a_flow_at_its_sides(change: dict[str, object]) -> None:
-    side = replace(particles(0, 20, -6, 22), vy=np.zeros(40 * 56))
-    side = replace(side, vx=side.vx if "boundary" in change else np.zeros_like(side.vx))
-    fields = coarse.coarse_grain(box(**change), [side])
-    np.testing.assert_allclose(fields.phi[0, 3:-2, 0], fields.phi[0, 3:-2, 4], rtol=2e-3)
-    np.testing.assert_allclose(fields.u[0, 3:-2, 0], fields.u[0, 3:-2, 4], atol=1e-3)
-
-
-def test_the_mirror_image_moves_the_other_way() -> None:
-    one = particles(0, 1, 0, 1)
-    x, _, values = coarse.with_images(*coarse.columns(one), box(mirror=True))
-    n = len(one.x)
-    np.testing.assert_array_equal(x[n:], -one.x)
-    np.testing.assert_array_equal(values[n:, 2], -values[:n, 2])
-    np.testing.assert_array_equal(values[n:, 3], values[:n, 3])
-    np.testing.assert_array_equal(values[n:, 9], -values[:n, 9])
-
-
 def test_surface_is_where_the_particles_end() -> None:
     fields = coarse.coarse_grain(box(), [particles(-6, 26, 0, 22, height=10.0)])
     height = surface.surface_height(fields)
@@ -108,13 +73,6 @@ def test_surface_is_where_the_particles_end() -> None:
     assert near.any()
     assert ((c[near] < 1) & (c[near] > 0.3)).all()
     assert c[rows > 14].max() == 0
-
-
-def test_frames_before_the_record_are_dropped() -> None:
-    still = particles(-6, 26, 0, 22)
-    record = [replace(still, t=float(t)) for t in range(4)]
-    fields = coarse.coarse_grain(box(snapshots=4, frames=2, dropped=1.0), record)
-    np.testing.assert_allclose(fields.t, [2.5])
 
 
 def dump(path: Path, rows: list[str], columns: tuple[str, ...] = COLUMNS) -> Path:
@@ -136,32 +94,6 @@ def test_a_dump_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(first.virial, [[7, 8, -9], [-1, -2, -3]])  # pressure positive
     np.testing.assert_allclose(first.solid, np.pi * np.array([0.25, 0.36]))
     np.testing.assert_array_equal(second.mass, [0.9, 1.1])
-
-
-def test_a_dump_of_other_columns_or_cut_off_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ExperimentError, match="got the columns x y: make the scene again"):
-        list(snapshots(dump(tmp_path / "a", ["1 2"], ("x", "y"))))
-    path = dump(tmp_path / "b", ["1 2 3 4 0.5 0.9 -7 -8 9"] * 3)
-    path.write_text(path.read_text()[:-30])
-    with pytest.raises(ExperimentError, match="an end within a snapshot"):
-        list(snapshots(path))
-
-
-def quadratic(t: Float64, y: Float64, x: Float64) -> Float64:
-    return np.asarray(1 + 2 * t - y + 0.5 * x * x + t * x - 0.2 * y * x + 0.1 * t * t)
-
-
-def test_local_fits_are_exact_for_quadratic_fields_beside_gaps() -> None:
-    t, y, x = np.meshgrid(0.1 * np.arange(5), 2.0 * np.arange(8), 2.0 * np.arange(7), indexing="ij")
-    field = quadratic(t, y, x)
-    weight = np.ones_like(field)
-    weight[:, 3:5, 2] = 0
-    field[weight == 0] = np.nan
-    (found,) = smooth([field], weight, (0.1, 2, 2), (2, 2, 2))
-    np.testing.assert_allclose(found.value, quadratic(t, y, x), rtol=1e-5, atol=1e-5)
-    np.testing.assert_allclose(found.t, 2 + x + 0.2 * t, rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(found.y, -1 - 0.2 * x, rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(found.x, x + t - 0.2 * y, rtol=1e-4, atol=1e-4)
 
 
 def test_local_fits_leave_lonely_cells_out_and_wrap_around() -> None:

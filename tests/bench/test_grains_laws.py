@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,22 +12,17 @@ import numpy as np
 import pytest
 
 from bench.studies.experiment.commands import ExperimentError
-from bench.studies.grains import flow_file, law, run, score
+from bench.studies.grains import flow_file, run
 from bench.studies.grains.coarse import Fields
 from bench.studies.grains.materials import (
     BULK_DENSITY,
     BULK_FRACTION,
-    FRICTIONS,
-    SPHERES,
     Material,
-    truth_of,
 )
 from bench.studies.grains.own_law import own_law, reference
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.surface import fraction, surface_height
-from granpinn.data import Flow, read_flow, write_flow
-from granpinn.results import Parameter, Parameters
-from tests.examples import make_result
+from granpinn.data import Flow, write_flow
 
 LAW = {"mu_s": 0.26, "mu_2": 0.74, "I0": 0.3}
 TANGENT = 0.40
@@ -93,51 +87,6 @@ def test_the_own_law_of_bagnolds_flow() -> None:
     assert found.noise["velocity_percent"] < 0.1
 
 
-def test_a_flow_file_of_grains_is_read_back(tmp_path: Path) -> None:
-    flow = bagnold_flow()
-    write_flow(flow, tmp_path / "flow.h5")
-    read = read_flow(tmp_path / "flow.h5")
-    assert read.u.dtype == np.float32
-    assert read.stated("steady") == 1
-    assert read.attributes["window_sd"] == 1
-    assert read.truth is not None
-    assert (read.truth.mu_s, read.truth.mu_2) == (LAW["mu_s"], LAW["mu_2"])
-    assert read.grain_density is None
-    partly = (read.c > 0) & (read.c < 1)
-    assert partly.any()
-    assert np.isfinite(read.u[partly]).all()  # partly filled cells keep their vectors
-    assert np.isnan(read.u[read.c == 0]).all()
-
-
-def test_cropping_keeps_one_empty_cell_around_the_grains() -> None:
-    fields = bagnold()
-    high = replace(fields, phi=np.where(fields.y[:, None] < 20, fields.phi, 0.0))
-    cut = flow_file.cropped(high)
-    assert cut.y[-1] == pytest.approx(21)
-    assert cut.u.shape == (2, len(cut.y), 12)
-
-
-def test_the_fit_is_exact_for_the_law() -> None:
-    i = np.geomspace(0.003, 0.3, 9)
-    found = law.fit(i, law.mu_of_i(LAW, i), np.full(9, 1e-3))
-    assert (found["mu_s"], found["mu_2"]) == pytest.approx((0.26, 0.74))
-    assert found["mu_s_sd"] > 0
-    assert law.errors_percent(partial(law.mu_of_i, found), LAW, 0.02, 0.12) == pytest.approx(
-        {"0.03": 0, "0.055": 0, "0.1": 0}, abs=1e-9
-    )
-
-
-def test_bins_average_before_they_divide(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    i = np.exp(rng.uniform(np.log(0.004), np.log(0.2), 40_000))
-    p = rng.uniform(5, 15, i.size)
-    noise = 3 * rng.standard_normal(i.size)
-    found = law.binned_law(i, law.mu_of_i(LAW, i) * p + noise, p)
-    assert found["law"]["mu_s"] == pytest.approx(0.26, abs=4 * found["law"]["mu_s_sd"])
-    assert found["I_range"] == pytest.approx([0.004 * 50**0.05, 0.004 * 50**0.95], rel=0.05)
-    assert law.binned_law(np.zeros(9), p[:9], p[:9])["law"] is None
-
-
 SUMMARY = {
     "scene": "drum",
     "material": 0.4,
@@ -151,21 +100,6 @@ SUMMARY = {
         }
     },
 }
-
-
-def test_a_run_is_scored_within_the_range_of_the_scene(tmp_path: Path) -> None:
-    values = (0.26 * 1.02, 0.74 * 1.02, 0.3)
-    parameters = zip(
-        ("mu_s", "mu_2", "I0"),
-        (Parameter(v, fixed=k == 2) for k, v in enumerate(values)),
-        strict=True,
-    )
-    result = make_result(parameters=Parameters(parameters))
-    found = score.law_score(result, SUMMARY)
-    assert found["error_percent_own"] == pytest.approx({"0.03": 2, "0.055": 2, "0.1": 2})
-    assert found["mean"]["error_percent"] == pytest.approx(2, abs=1)
-    with pytest.raises(ExperimentError, match="scene.json"):
-        score.score(tmp_path, tmp_path)
 
 
 def test_every_score_is_on_the_disk_before_the_next_flow(
@@ -190,23 +124,3 @@ def test_every_score_is_on_the_disk_before_the_next_flow(
     found = json.loads((tmp_path / "runs" / "grains.json").read_text())
     assert [score["scene"] for score in found["scores"]] == ["chute"]
     assert (found["settings"], batches) == (["--steps", "9"], [1, 1])
-
-
-def test_a_folder_without_scenes_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ExperimentError, match="got none in"):
-        run.scenes_in(tmp_path)
-    (tmp_path / "drum").mkdir()
-    (tmp_path / "drum" / "flow.h5").touch()
-    (tmp_path / "drum" / "scene.json").write_text(json.dumps(SUMMARY))
-    assert run.scenes_in(tmp_path) == [tmp_path / "drum"]
-
-
-def test_every_material_of_the_scenes_has_its_measured_law() -> None:
-    for friction in FRICTIONS:
-        found = truth_of(Material(friction))
-        assert found is not None
-        assert 0.2 < found["mu_s"] < 0.3 < 0.7 < found["mu_2"]
-    spheres = truth_of(Material(0.4), shape=SPHERES)
-    assert spheres is not None
-    assert spheres["mu_s"] == pytest.approx(0.341, abs=1e-3)
-    assert truth_of(Material(0.9)) is None

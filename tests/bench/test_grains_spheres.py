@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bench.studies.grains import coarse, pack, slabs
+from bench.studies.grains import coarse, slabs
 from bench.studies.grains.materials import SPHERES, Material
-from bench.studies.grains.packing import block, rough_floor, write_data
 from bench.studies.grains.scenes import SCENES
-from bench.studies.grains.scenes.channel import COLUMNS, DEPTH, GAP, LENGTH
+from bench.studies.grains.scenes.channel import COLUMNS, GAP, LENGTH
 from granpinn.arrays import Float64
 
 SPACING = 0.5
 RADIUS = SPACING / 2
 FRACTION = np.pi / 6  # of a cubic lattice of touching spheres
-
-
-def test_a_sphere_is_shared_by_volume() -> None:
-    z = np.array([0.0, 1.0, 0.5, -2.0])
-    found = slabs.share(z, np.full(4, 0.5), 0.0, 1.0)
-    np.testing.assert_allclose(found, [0.5, 0.5, 1.0, 0.0], atol=1e-12)
-    # A cap of height r/2 has 5/32 of a sphere.
-    assert slabs.share(np.array([0.25]), np.array([0.5]), 0.0, 9.0)[0] == pytest.approx(27 / 32)
 
 
 def spheres() -> Float64:
@@ -76,42 +66,3 @@ def test_a_slab_has_the_fields_of_its_part_of_the_width(dump: Path) -> None:
     p = whole.stress[..., [coarse.XX, coarse.YY]].mean(axis=(0, 2, 3))
     full = whole.phi.mean(axis=(0, 2)) > 0.9 * FRACTION
     assert made["friction_by_p"] == pytest.approx(0.2 / SPACING**2 / p[full].mean(), rel=1e-3)
-
-
-def test_the_channel_starts_with_the_stated_volume(tmp_path: Path) -> None:
-    free, floor = block(LENGTH, GAP, DEPTH), rough_floor(LENGTH, GAP, -0.5, 1)
-    assert len(free.kind) * SPHERES.mean_solid / (LENGTH * GAP * DEPTH) == pytest.approx(0.58, 0.02)
-    assert (free.centre[:, [0, 2]] > 0.5).all()
-    assert (free.centre[:, [0, 2]] < 9.5).all()
-    assert np.abs(floor.centre[:, 1] + 0.5).max() <= 0.2
-    count = write_data(tmp_path / "start", (free, floor), (0, 10, -2, 36, -0.1, 10.1), 1)
-    text = (tmp_path / "start").read_text()
-    assert count == len(free.kind) + len(floor.kind)
-    assert "-0.1 10.1 zlo zhi" in text
-    assert len(text.split("Velocities")[1].split()) == 7 * count
-
-
-def test_the_pack_makes_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    done = tmp_path / "drum-0.4"
-    done.mkdir()
-    (done / "scene.json").write_text(json.dumps({}))
-    ran: list[list[str]] = []
-
-    def record(lines: list[list[str]]) -> int:
-        ran.extend(lines)
-        return 0
-
-    monkeypatch.setattr(pack, "run", record)
-    monkeypatch.setattr("sys.argv", ["pack", "--out", str(tmp_path), "--lmp", "lmp"])
-    assert pack.main() == 0
-    made = [Path(line[line.index("--out") + 1]).name for line in ran]
-    assert (
-        len(made) == len(set(made)) == len(pack.PACK) + 2
-    )  # one is done; a channel and two drums give two
-    assert "drum-0.4" not in made
-    assert {line[3] for line in ran} | {"drum"} <= SCENES.keys()
-    (view,) = (line for line in ran if line[3] == "channel_mean")
-    assert Path(view[-1]) == tmp_path / "channel_wall-0.4" / "lammps" / "grains.dump"
-    monkeypatch.undo()
-    assert pack.run([["false"], ["touch", str(tmp_path / "never")]]) == 1
-    assert not (tmp_path / "never").exists()

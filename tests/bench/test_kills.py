@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-import pytest
-
 from bench.studies.reliability import kills, runs
 from tests.command.pageless import pageless
 
@@ -33,22 +31,3 @@ def test_two_kills_change_no_bit(tmp_path: Path) -> None:
     _, err = process.communicate()
     assert process.returncode == 0, err
     assert runs.difference(whole, killed) is None
-
-
-@pytest.mark.long
-def test_other_bits_are_found(tmp_path: Path) -> None:
-    flow = runs.make_flow(tmp_path / "flow.h5")
-    flags = ["--steps", "10", *kills.FLAGS, "--simulated_pressure.frames", "0"]
-    for name, seed in (("one", "0"), ("other", "1")):
-        process = runs.start(
-            pageless(runs.command(flow, tmp_path / name, [*flags, "--seed", seed]))
-        )
-        _, err = process.communicate()
-        assert process.returncode == 0, err
-    assert runs.difference(tmp_path / "one", tmp_path / "one") is None
-    assert (runs.difference(tmp_path / "one", tmp_path / "other") or "").startswith("results.json")
-
-
-def test_lost_steps_are_found(tmp_path: Path) -> None:
-    assert kills.survived(tmp_path, 0) == ("", 0)
-    assert kills.survived(tmp_path, 5) == ("the checkpoints are gone", 5)

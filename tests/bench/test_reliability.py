@@ -10,15 +10,12 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-import h5py
 import pytest
 
-from bench.studies.reliability import damage, hdf5_edits, sandbox
+from bench.studies.reliability import damage, sandbox
 from bench.studies.reliability.judge import judged
-from bench.studies.reliability.mutants import main as mutants
 from bench.studies.reliability.output_faults import main as output_faults
 from bench.studies.reliability.record import read
-from bench.studies.reliability.samples import FORMATS
 
 MANY = "1 2 3\n4 5 6\n" * 20
 
@@ -30,22 +27,6 @@ def test_damage_is_a_function_of_the_seed(text: bool) -> None:
     assert made == again
     assert len(set(made)) > 150
     assert max(map(len, made)) <= damage.MOST
-
-
-def test_values_of_json_are_damaged() -> None:
-    content = b'{"a": {"b": [1, 2, 3]}, "c": "text"}'
-    made = {damage.json_value(content, Random(k)) for k in range(100)}
-    assert len(made) > 30
-
-
-def test_edits_leave_hdf5(tmp_path: Path) -> None:
-    content = FORMATS["flow"].files()["flow.h5"]
-    made = [hdf5_edits.edited(content, Random(f"{k}"), tmp_path) for k in range(20)]
-    assert sum(one != content for one in made) > 15
-    for one in made:
-        (tmp_path / "a.h5").write_bytes(one)
-        with h5py.File(tmp_path / "a.h5") as file:
-            assert file.id.valid
 
 
 def outcome(tmp_path: Path, command: Callable[[], Any], seconds: float = 5) -> str:
@@ -96,26 +77,6 @@ def test_what_happens_before_the_command_is_not_its_failure(tmp_path: Path) -> N
     work.mkdir()
     found = sandbox.run(lambda: 0, os.abort, work)
     assert judged(found, "train", work, None) == "input not made"
-
-
-def test_a_run_that_has_no_time_left_ends_cleanly(tmp_path: Path) -> None:
-    words = ["--format", "pivlab", "--seeds", "0:999999", "--seconds", "0.1"]
-    assert mutants([*words, "--out", str(tmp_path / "a.json")]) == 0
-    assert read(tmp_path / "a.json")["tried"] == 0
-
-
-@pytest.mark.long
-def test_mutants_leave_a_record_and_can_be_repeated(tmp_path: Path, capsys: Any) -> None:
-    words = ["--format", "pivlab", "--command", "convert"]
-    mutants([*words, "--seeds", "0:3", "--out", str(tmp_path / "a.json")])
-    found = read(tmp_path / "a.json")
-    assert found["tried"] == 3
-    assert found["details"]["formats"]["pivlab convert"]["seconds"] < 15
-    assert "3 tried" in capsys.readouterr().out
-    mutants([*words, "--only", "3", "--keep", str(tmp_path / "kept")])
-    kept = {path.name: path.read_bytes() for path in (tmp_path / "kept").iterdir()}
-    valid = FORMATS["pivlab"].files()
-    assert any(kept[name] != content for name, content in valid.items())
 
 
 @pytest.mark.long

@@ -14,22 +14,16 @@ import pytest
 
 from granpinn import identify_many, results
 from granpinn.checks.bootstrap import (
-    Bootstrap,
     bootstrap,
     compared,
     recovery,
-    seeds_of,
-    settings,
     simulated_flows,
 )
 from granpinn.commands import train
-from granpinn.config import Rheology
 from granpinn.data import Flow, write_flow
-from granpinn.fit.case import member_seed
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameter, Parameters, Result
 from granpinn.simulation import Collapse, simulate
-from granpinn.training.guard import NonFiniteError
 from granpinn.training.progress import Progress
 from tests.examples import make_result
 from tests.runs import tiny
@@ -67,16 +61,6 @@ def test_bias_scatter_and_rms_of_planted_values() -> None:
     assert recovery(0.4, np.array([0.4, 0.4]), 0.0).rms_error == 0
 
 
-def test_standard_errors_are_those_of_many_draws() -> None:
-    """Over 4,000 draws of 32 normal errors, the three numbers scatter as their errors say."""
-    draws = np.random.default_rng(1).normal(0.3, 1.0, (4000, 32))
-    found = [recovery(0.0, draw, None) for draw in draws]
-    for name in ("bias", "scatter", "rms"):
-        spread = np.std([getattr(f, name) for f in found])
-        stated = math.sqrt(np.mean([getattr(f, f"{name}_error") ** 2 for f in found]))
-        assert stated == pytest.approx(spread, rel=0.06)  # 2/n
-
-
 def test_errors_of_the_law_against_its_error_bars() -> None:
     result = make_result()  # (0.41, 0.61): mu_s with std 0.012, mu_2 without
     found = compared(result, [planted(0.45, 0.6), planted(0.44, 0.62), planted(0.9, 2.0, "nan")])
@@ -99,41 +83,6 @@ def test_errors_of_the_law_against_its_error_bars() -> None:
     )
     close = compared(result, [planted(0.411, 0.61), planted(0.409, 0.61)])
     assert not close.parameters["mu_s"].exceeds
-
-
-def test_one_flow_has_no_scatter() -> None:
-    with pytest.raises(NonFiniteError, match="bias and scatter need 2 flows whose training ends"):
-        compared(make_result(), [planted(0.42, 0.6), planted(0.9, 2.0, "nan")])
-
-
-def test_the_settings_are_those_of_the_run() -> None:
-    config = tiny(seed=3, members=4, max_time=60.0, steps=None, compare_laws=True, tensorboard=True)
-    made = settings(config, make_result())
-    assert (made.steps, made.max_time, made.members, made.recipe) == (4000, None, 4, config.recipe)
-    assert (made.network, made.batch, made.level) == (config.network, config.batch, config.level)
-    assert (made.compare_laws, made.tensorboard, made.checks) == (False, False, "none")
-    assert made.side_walls.friction == config.side_walls.friction
-    assert made.rheology == Rheology()
-    own = {member_seed(3, k) for k in range(4)}
-    seeds = seeds_of(config, 5)
-    assert len(own | set(seeds)) == 9
-
-
-def test_fixed_parameters_stay_those_of_the_result() -> None:
-    parameters = Parameters(
-        mu_s=Parameter(0.38, False),
-        mu_2=Parameter(0.6, False),
-        I0=Parameter(0.28, True),
-        mu_inf=Parameter(0.05, True),
-        alpha=Parameter(1.9, True),
-        I1=Parameter(0.004, True),
-    )
-    result = dataclasses.replace(
-        make_result(), parameters=parameters, law=results.IdentifiedLaw("regularised"),
-        covariance=None, members=None, error_percent=results.ErrorPercent(),
-    )  # fmt: skip
-    made = settings(tiny(law="regularised", I0=0.28), result)
-    assert made.rheology.fixed == {"mu_inf": 0.05, "alpha": 1.9, "I1": 0.004}
 
 
 class Told(Progress):
@@ -236,16 +185,3 @@ def test_a_run_has_it_and_a_finished_run_gets_it(
     assert train.main([*words, "--resume", "--calibrate", *FLAGS]) == 0
     repeated = results.read_results(out / "results.json").checks["bootstrap"]
     assert dataclasses.replace(repeated, seconds=found.seconds) == found
-
-
-@pytest.mark.usefixtures("no_report")
-def test_a_run_without_a_scene_says_why(
-    flow: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_flow(late(flow), tmp_path / "late.h5")
-    words = [str(tmp_path / "late.h5"), "--out", str(tmp_path / "run"), "--calibrate"]
-    assert train.main([*words, *FLAGS]) == 0
-    assert "no flows simulated with this law: the first frame is not" in capsys.readouterr().out
-    result = results.read_results(tmp_path / "run" / "results.json")
-    assert result.checks["bootstrap"] == Bootstrap(result.checks["bootstrap"].objection)
-    assert result.not_done == {}

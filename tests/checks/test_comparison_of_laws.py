@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from granpinn import identify, identify_many, results
-from granpinn.config import ConfigError
+from granpinn import identify, results
 from granpinn.data import Flow
 from granpinn.fit import free_curve
 from granpinn.physics.laws import LAWS
@@ -50,38 +49,6 @@ def test_a_run_says_which_laws_explain_the_data(flow: Flow, tmp_path: Path) -> N
     assert any("explain" in line for line in lines)
 
 
-def test_the_law_itself_is_that_of_a_run_without_a_comparison(flow: Flow) -> None:
-    with_it = identify(flow, tiny(**SETTINGS))
-    without = identify(flow, tiny(simulated_pressure__frames=0))
-    assert with_it.theta == without.theta
-    assert NAME not in without.checks
-
-
-def test_members_of_a_batch_are_compared_as_alone(flow: Flow, flow_file: Path) -> None:
-    batch = identify_many([flow_file, flow], tiny(**SETTINGS), [0, 1])
-    for result in batch:
-        sound(result)
-    alone = identify(flow_file, tiny(**SETTINGS))
-    assert batch[0].theta == pytest.approx(alone.theta, rel=1e-4)
-    assert batch[0].checks[NAME].chosen == alone.checks[NAME].chosen
-
-
-def test_an_ensemble_is_compared_once(flow: Flow, tmp_path: Path) -> None:
-    result = identify(flow, tiny(members=2, **SETTINGS), run_dir=tmp_path)
-    sound(result)
-    assert result.members is not None
-    assert len(result.members.seed) == 2
-
-
-@pytest.mark.parametrize("law", ["free", "cohesive"])
-def test_a_law_of_the_comparison_is_trained_once(law: str, flow: Flow) -> None:
-    result = identify(flow, tiny(law=law, **SETTINGS))
-    sound(result)
-    curve = result.law.curve
-    assert curve is not None
-    assert (curve.low is not None) == (law == "free")  # its error is calibrated
-
-
 def test_a_comparison_that_cannot_be_made_is_said(
     flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -95,22 +62,6 @@ def test_a_comparison_that_cannot_be_made_is_said(
     assert short.not_done[NAME].startswith("so few steps")
     strong = identify(flow, tiny(form="strong", **SETTINGS))
     assert list(strong.not_done) == [NAME]
-
-
-def test_a_free_curve_that_is_not_known_has_no_band(
-    flow: Flow, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(free_curve, "LARGEST", 1e-3)
-    law = identify(flow, tiny(law="free", simulated_pressure__frames=0)).law
-    assert law.curve is not None
-    assert law.curve.low is None
-    assert law.reason is not None
-    assert law.reason.startswith("so few steps")
-
-
-def test_settings_of_one_law_are_refused(flow: Flow) -> None:
-    with pytest.raises(ConfigError, match=r"rheology.start has the parameters of one law"):
-        identify(flow, tiny(rheology__start=(0.3, 0.5), **SETTINGS))
 
 
 def test_it_survives_a_resumption(flow_file: Path, tmp_path: Path) -> None:

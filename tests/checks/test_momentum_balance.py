@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from granpinn.checks import momentum_balance
 from granpinn.checks.momentum_balance import CARRIED, CHECK, make
 from granpinn.config import Config, SideWalls
 from granpinn.data import Flow
@@ -80,22 +79,6 @@ def test_grains_that_walls_carry_get_no_error_bars() -> None:
     assert made.law.reason == CARRIED
 
 
-def test_grains_on_their_base_keep_their_error_bars() -> None:
-    context = context_of(chute(), make_result(checks={}))
-    before = context.result
-    context.take(CHECK)
-    assert context.result == replace(before, checks=context.result.checks)
-
-
-def test_the_error_bars_of_both_count() -> None:
-    """sd(mu)/mu of the result is 3 % here: a difference counts less."""
-    alone = make(context_of(chute(), result_with(1.05))).differences[0]
-    result = replace(result_with(1.05), covariance=make_result().covariance)
-    both = make(context_of(chute(), result)).differences[0]
-    assert alone.percent == both.percent
-    assert both.se_percent > alone.se_percent
-
-
 def test_a_failure_of_the_balance_is_not_one_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(flow: Flow, I0: float, side_walls: SideWalls | None) -> Baseline:
         raise RuntimeError("singular")
@@ -106,29 +89,3 @@ def test_a_failure_of_the_balance_is_not_one_of_the_run(monkeypatch: pytest.Monk
     assert context.result.not_done == {"momentum_balance": "RuntimeError: singular"}
     assert context.result.checks == {}
     assert not CHECK.asked(Config())
-
-
-def test_a_flow_has_one_balance_for_each_inertial_scale(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = []
-    real = cases.baseline
-
-    def counted(flow: Flow, I0: float, side_walls: SideWalls | None) -> Baseline:
-        made.append(I0)
-        return real(flow, I0, side_walls)
-
-    monkeypatch.setattr(cases, "baseline", counted)
-    context = context_of(chute(), result_with(1.0))
-    momentum_balance.prepare(context.case)
-    ahead = make(context)
-    assert made == [0.3]
-    assert ahead == make(context_of(chute(), result_with(1.0)))
-    context.case.member.fixed = {}  # the training identifies the scale
-    made.clear()
-    momentum_balance.prepare(context.case)
-    assert made == []
-
-
-def test_where_it_does_not_apply_there_is_no_difference() -> None:
-    found = make(context_of(replace(chute(), surface=None), result_with(1.0)))
-    assert found.differences == ()
-    assert "it does not apply: the flow has no surface line" in str(found)

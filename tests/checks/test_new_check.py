@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,12 +10,11 @@ from types import ModuleType
 
 import pytest
 
-from granpinn import checks, identify, inspection, load, report
-from granpinn.commands import inspect
+from granpinn import checks, identify, load, report
 from granpinn.config import ConfigError
-from granpinn.data import Flow, FlowFileWarning, write_flow
+from granpinn.data import Flow
 from granpinn.results import ResultsFileError, read_results
-from granpinn.results.record import FIT, every
+from granpinn.results.record import every
 from tests.runs import tiny
 
 FILE = '''
@@ -61,40 +59,6 @@ CHECK = Check("largest_speed", LargestSpeed, make, seconds=0.5, quick=False)
 '''
 
 
-OF_A_FLOW = '''
-"""The last time."""
-
-from dataclasses import dataclass
-
-from granpinn.figures.style import Drawing, new_figure
-from granpinn.results.record import IMPROBABLE, Check, Reason, Record
-
-
-@dataclass(frozen=True)
-class LastTime(Record):
-    title = "last time"
-
-    t: float
-
-    @property
-    def words(self):
-        return f"{self.t:.3g}"
-
-    def reasons(self, of):
-        return [Reason(IMPROBABLE, "the film ends")]
-
-    def figures(self):
-        return {"last_time": (self.title, lambda inspection: Drawing(new_figure(1.0), "Empty."))}
-
-
-def make(inspection):
-    return LastTime(float(inspection.filmed.t[-1]))
-
-
-CHECK = Check("last_time", LastTime, make, seconds=0.5)
-'''
-
-
 @contextmanager
 def added(room: ModuleType, name: str, text: str, folder: Path) -> Iterator[None]:
     """The file in the folder of the checks, as it were."""
@@ -113,41 +77,6 @@ def added(room: ModuleType, name: str, text: str, folder: Path) -> Iterator[None
 def new_check(tmp_path: Path) -> Iterator[None]:
     with added(checks, "largest_speed", FILE, tmp_path):
         yield
-
-
-@pytest.fixture
-def new_check_of_a_flow(tmp_path: Path) -> Iterator[None]:
-    with added(inspection, "last_time", OF_A_FLOW, tmp_path):
-        yield
-
-
-@pytest.mark.usefixtures("new_check_of_a_flow", "no_balance")
-def test_one_file_is_enough_for_a_check_of_a_flow(
-    flow: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """`inspect` prints, writes and draws it; `train` warns, and its result says so."""
-    assert len(OF_A_FLOW.splitlines()) < 40
-    write_flow(flow, tmp_path / "flow.h5")
-    assert inspect.main([str(tmp_path / "flow.h5"), "--out", str(tmp_path / "out")]) == 0
-    printed = capsys.readouterr().out
-    assert printed.startswith("improbable: the film ends")
-    assert "last time        " in printed
-    numbers = json.loads((tmp_path / "out" / "inspect.json").read_text())
-    assert numbers["checks"]["last_time"] == {"t": flow.t[-1]}
-    assert (tmp_path / "out" / "last_time.png").exists()
-    with pytest.warns(FlowFileWarning, match="the film ends"):
-        result = identify(flow, tiny(checks="none"), run_dir=tmp_path / "run")
-    assert "The data are improbable: the film ends." in result.assessment.reasons
-    assert read_results(tmp_path / "run" / "results.json").data == result.data
-
-
-def test_a_check_of_a_flow_that_fails_is_not_done(
-    flow: Flow, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("granpinn.inspection.statements.initial_height", lambda flow: 1 / 0)
-    with pytest.warns(FlowFileWarning, match="the check statements of the flow was not done: "):
-        found = inspection.refuse_slips(flow)
-    assert any(line.startswith("statements       not done: ") for line in found.lines())
 
 
 def test_one_file_is_enough(
@@ -192,12 +121,3 @@ def test_the_settings_say_which_checks_are_made(
     settings: dict[str, object], expected: set[str]
 ) -> None:
     assert {check.name for check in checks.wanted(tiny(**settings))} == expected
-
-
-def test_quick_checks_come_first() -> None:
-    order = every(FIT)
-    assert {check.name for check in checks.wanted(tiny(checks="all"))} == {c.name for c in order}
-    quick = [check.quick for check in sorted(order, key=lambda check: check.seconds)]
-    assert [check.name for check in order] == [c.name for c in checks.wanted(tiny(checks="all"))]
-    assert quick[0]
-    assert not quick[-1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,23 +10,15 @@ import numpy as np
 import pytest
 
 from granpinn import results
-from granpinn.checks import profile_of_I0, simulator_fit
+from granpinn.checks import simulator_fit
 from granpinn.checks.resimulation import Resimulation, resimulate
 from granpinn.commands import train
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import DEFAULT
-from granpinn.results.decoding import decode
 from granpinn.second_opinion.comparison import (
     Comparison,
-    compare,
-    fronts,
-    interpolation,
-    surface_heights,
 )
-from granpinn.second_opinion.scenes import GrainColumn, collapse_of, initial_column
 from granpinn.simulation import Collapse, simulate
-from tests.command.late_parts import raising
-from tests.flows import make_flow
 
 
 def law(mu_s: float, mu_2: float) -> tuple[float, ...]:
@@ -112,20 +103,6 @@ def test_what_is_no_column_at_rest_is_not_simulated(flow: Flow, change: object, 
     assert str(summary).startswith("not simulated again: ")
 
 
-def test_an_experiment_without_attributes_is_measured(flow: Flow) -> None:
-    column = initial_column(dataclasses.replace(flow, attributes={}))
-    assert isinstance(column, GrainColumn)
-    spacing = flow.x[1] - flow.x[0]
-    assert abs(column.width - 1) <= spacing / 2
-    assert abs(column.height - 10) <= spacing / 2
-
-
-def test_dense_grains_make_the_inertial_number_larger(flow: Flow) -> None:
-    column = GrainColumn(1.0, 10.0)
-    dense = dataclasses.replace(flow, grain_density=4 * flow.density)
-    assert collapse_of(dense, column, DEFAULT, (0.4, 0.64, 0.3), None).d == 2 * flow.grain_diameter
-
-
 def test_a_flow_between_side_walls_has_them_again() -> None:
     """With their friction the simulator repeats it; with another one it does not."""
     settings = {"mu_s": 0.4, "mu_2": 0.64, "cells": 64, "stride": 1, "t_end": 3.0, "frames": 12}
@@ -138,51 +115,6 @@ def test_a_flow_between_side_walls_has_them_again() -> None:
     assert other is not None
     assert same < 0.1
     assert other > 5
-
-
-def test_gravity_that_the_simulator_cannot_have_is_said() -> None:
-    column = make_flow(gravity=(-9.81, 0.0))
-    assert (
-        isinstance(initial_column(column), str)
-        or resimulate(column, DEFAULT, law(0.4, 0.6)).curves is None
-    )
-
-
-def test_interpolation_is_exact_for_a_bilinear_field(flow: Flow) -> None:
-    y, x = np.meshgrid(flow.y, flow.x, indexing="ij")
-    at = interpolation(flow, dataclasses.replace(flow, x=flow.x[1:-1] + 0.03, y=flow.y[:-1] + 0.05))
-    found = at(1 + 2 * x - 3 * y + 0.5 * x * y)
-    y, x = np.meshgrid(flow.y[:-1] + 0.05, flow.x[1:-1] + 0.03, indexing="ij")
-    np.testing.assert_allclose(found, 1 + 2 * x - 3 * y + 0.5 * x * y, rtol=1e-12)
-
-
-def test_a_point_beside_no_grains_has_no_value(flow: Flow) -> None:
-    field = np.ones((len(flow.y), len(flow.x)))
-    field[2, 2] = np.nan
-    same = interpolation(flow, flow)(field)
-    np.testing.assert_array_equal(same, field)
-    between = dataclasses.replace(flow, x=flow.x[:-1] + 0.5 * np.diff(flow.x))
-    assert np.isnan(interpolation(flow, between)(field)[2]).nonzero()[0].tolist() == [1, 2]
-    beyond = dataclasses.replace(flow, x=flow.x + 100)
-    assert np.isnan(interpolation(flow, beyond)(field)).all()
-
-
-def test_front_and_heights_of_a_block(flow: Flow) -> None:
-    c = np.zeros_like(flow.c)
-    c[:, :4, :3] = 1
-    c[:, :4, 3] = 0.25
-    block = dataclasses.replace(flow, c=c)
-    dx, dy = np.diff(flow.x)[0], np.diff(flow.y)[0]
-    np.testing.assert_allclose(fronts(block), flow.x[2] + dx * 0.5 / 0.75)
-    np.testing.assert_allclose(surface_heights(block)[0, :4], [4 * dy] * 3 + [dy])
-
-
-def test_the_record_comes_back(flow: Flow) -> None:
-    found = resimulate(flow, DEFAULT, law(0.3, 0.5))
-    text = json.dumps(dataclasses.asdict(found), allow_nan=False)
-    assert decode(Resimulation, json.loads(text)) == found
-    own, _ = compare(flow, flow)
-    assert not own.velocity_percent.any()
 
 
 def test_the_command_shows_it(
@@ -216,27 +148,3 @@ def test_the_command_shows_it(
     assert f"± {fitted.std[0]:.4f}, {fitted.std[1]:.4f}" in page
     assert f"{found.velocity_percent:.2f}" in page
     assert (out / "figures" / "resimulation.png").exists()
-
-
-@pytest.mark.long
-def test_a_free_I0_is_fitted_by_the_simulator_too(
-    flow_file: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    figures: Callable[..., None],
-) -> None:
-    figures()
-    monkeypatch.setattr(profile_of_I0, "profile_I0", raising(KeyError("left out")))
-    monkeypatch.setattr(simulator_fit, "ROUNDS", 2)
-    out = tmp_path / "run"
-    few = ["--steps", "4", "--network.widths", "6,5", "--batch.interior", "16"]
-    few += ["--simulated_pressure.frames", "0"]
-    assert train.main([str(flow_file), "--out", str(out), "--resimulate", "--free-I0", *few]) == 1
-    result = results.read_results(out / "results.json")
-    assert list(result.not_done) == ["profile_of_I0"]
-    found = result.checks["simulator_fit"]
-    assert found.I0 is not None
-    page = (out / "report.html").read_text()
-    assert f"I₀ {found.I0:.4f}" in page
-    assert f"{found.correlation:+.2f}" in page
-    assert ("NOT a minimum" in page) != found.inside

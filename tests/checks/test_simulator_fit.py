@@ -12,17 +12,13 @@ import numpy as np
 import pytest
 
 from granpinn.checks import simulator_fit
-from granpinn.checks.simulator_fit import NARROWEST, SimulatorFit, asked_for, fit, products
+from granpinn.checks.simulator_fit import SimulatorFit, fit
 from granpinn.data import Flow, add_noise
-from granpinn.physics.laws import DEFAULT
 from granpinn.results.decoding import decode
 from granpinn.second_opinion import law_runs
-from granpinn.second_opinion.comparison import interpolation
-from granpinn.second_opinion.law_runs import AtPoints, LawRuns
+from granpinn.second_opinion.law_runs import LawRuns
 from granpinn.second_opinion.scenes import GrainColumn, initial_column
 from granpinn.simulation import Collapse, simulate
-from granpinn.simulation.progress import SilentSimulation
-from granpinn.simulation.run import record
 
 LAW = (0.4, 0.64)
 
@@ -52,42 +48,12 @@ def test_it_finds_the_law_of_its_own_run(flow: Flow, runs: LawRuns) -> None:
     assert found.misfit_percent < 1
 
 
-def test_a_far_start_ends_in_the_same_place(flow: Flow, runs: LawRuns) -> None:
-    near, far = fit(flow, runs, (0.41, 0.68)), fit(flow, runs, (0.25, 0.9))
-    assert far.inside
-    assert far.mu_s == pytest.approx(near.mu_s, rel=0.003)
-    assert far.mu_2 == pytest.approx(near.mu_2, rel=0.01)
-
-
 def test_its_scatter_over_noise_is_the_stated_one(flow: Flow, runs: LawRuns) -> None:
     clean = fit(flow, runs, (0.41, 0.68))
     draws = [fit(add_noise(flow, 0.03, seed), runs, (0.41, 0.68)) for seed in range(24)]
     for name, k in (("mu_s", 0), ("mu_2", 1)):
         pulls = [(getattr(f, name) - getattr(clean, name)) / f.std[k] for f in draws]
         assert 0.65 < float(np.sqrt(np.mean(np.square(pulls)))) < 1.5  # 24 draws: 1 +- 0.15
-
-
-def test_nodes_are_as_far_apart_as_noise_asks_for(flow: Flow, runs: LawRuns) -> None:
-    """With so much noise the nodes of quiet data would not enclose what is left open."""
-    narrowest, widest = NARROWEST, simulator_fit.WIDEST
-    np.testing.assert_array_equal(
-        asked_for(np.array([0.1, 4.0, 4.1, 100.0]), np.full(4, narrowest)),
-        [narrowest, 4, 8, widest],
-    )
-    data = [add_noise(flow, 0.1, seed) for seed in range(8)]
-    assert all(fit(noisy, runs, (0.41, 0.68)).inside for noisy in data)
-    wide = {node for _, node in runs._found}
-    quiet = law_runs_of(flow, 0.3)
-    fit(flow, quiet, (0.41, 0.68))
-    span = [np.ptp([node[1] for node in nodes]) for nodes in (wide, {n for _, n in quiet._found})]
-    assert span[0] > 2 * span[1]
-
-
-def test_runs_are_made_once(flow: Flow, runs: LawRuns) -> None:
-    fit(flow, runs, (0.41, 0.68))
-    before = runs.made
-    fit(flow, runs, (0.41, 0.68))
-    assert runs.made == before
 
 
 def test_fits_at_the_same_time_share_their_runs(
@@ -125,11 +91,6 @@ def test_a_minimum_that_is_not_enclosed_is_said(
     assert "NOT a minimum" in str(found)
 
 
-def test_the_record_survives_results_json(flow: Flow, runs: LawRuns) -> None:
-    found = fit(flow, runs, (0.41, 0.68))
-    assert decode(SimulatorFit, json.loads(json.dumps(dataclasses.asdict(found)))) == found
-
-
 @pytest.mark.long
 def test_I0_is_found_from_a_wrong_one(flow: Flow) -> None:
     """mu_2 and I0 move together; the slope at small I is what is known best."""
@@ -147,61 +108,3 @@ def test_I0_is_found_from_a_wrong_one(flow: Flow) -> None:
     assert f"I0 {found.I0:.4f}" in str(found)
     assert "correlation of mu_2 with I0 +" in str(found)
     assert decode(SimulatorFit, json.loads(json.dumps(dataclasses.asdict(found)))) == found
-
-
-def test_the_last_search_is_on_the_cells_of_the_data(
-    flow: Flow, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(law_runs, "COARSE_CELLS", 48)
-    runs = law_runs_of(flow, 0.3)
-    assert runs.stages == [(48, 2), (64, 2)]
-    assert law_runs_of(flow, 0.3, 56, True).stages == [(48, 2), (56, 3)]
-    found = fit(flow, runs, (0.3, 0.8))
-    assert found.cells == 64
-    assert found.inside
-    assert abs(found.mu_s / LAW[0] - 1) < 0.005
-    assert abs(found.mu_2 / LAW[1] - 1) < 0.01
-
-
-def test_what_is_taken_of_a_run_is_what_a_recorder_keeps(flow: Flow) -> None:
-    column = initial_column(flow)
-    assert isinstance(column, GrainColumn)
-    collapse = law_runs.collapse_of(flow, column, DEFAULT, (*LAW, 0.3), 56)
-    points = np.flatnonzero(flow.valid)[::7]
-    taken = AtPoints(collapse, flow, points)
-    record(taken, SilentSimulation(), flow.t.tolist())
-    whole = simulate(collapse)
-    at = interpolation(whole, flow)
-    expected = np.stack([[at(frame) for frame in field] for field in (whole.u, whole.v)])
-    # The recorder rounds to float32 before the interpolation.
-    np.testing.assert_allclose(
-        taken.velocity(), expected.reshape(2, -1)[:, points], rtol=1e-5, atol=1e-6
-    )
-
-
-def test_products_are_over_the_points_that_all_have(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(simulator_fit, "CHUNK", 7)
-    v = np.random.default_rng(seed).normal(size=(4, 2, 30)).astype(np.float32)
-    v[1, 0, 3] = v[3, 1, 20] = np.nan
-    S, energy, common = products([*v[:3]], v[3])
-    kept = np.delete(v.astype(np.float64), [3, 20], axis=2)
-    misfits = (kept[:3] - kept[3]).reshape(3, -1)
-    np.testing.assert_allclose(S, misfits @ misfits.T)
-    assert energy == pytest.approx((kept[3] ** 2).sum())
-    assert common == pytest.approx(28 / 30)
-
-
-def test_the_lattice_of_laws(runs: LawRuns) -> None:
-    q = np.array([-1.0, -1.5, 0.2])
-    mu_s, mu_2, I0 = runs.law_at(q)
-    assert 0 < mu_s < mu_2
-    assert runs.law_at(q[:2])[2] == 0.3
-    assert (mu_2 - mu_s) / I0 == pytest.approx(
-        (runs.law_at(q[:2])[1] - mu_s) / 0.3
-    )  # the slope is an axis
-    h = 1e-6
-    for k, one in enumerate(np.eye(3)):
-        change = (np.array(runs.law_at(q + h * one)) - np.array(runs.law_at(q - h * one))) / (2 * h)
-        np.testing.assert_allclose(runs.law_by_q(q)[:, k], change, atol=1e-8)

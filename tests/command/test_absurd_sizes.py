@@ -13,9 +13,8 @@ from granpinn import results
 from granpinn.checks.resimulation import resimulate
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import LAWS
-from granpinn.second_opinion import scenes, simulated_pressure
+from granpinn.second_opinion import simulated_pressure
 from tests.command.test_results_first import raising, run
-from tests.flows import make_flow
 
 # What a file may say about its box, with the unit of another length or none at all.
 LENGTHS = [12000.0, 1e12, 1e308, 1e-12, 5e-324]
@@ -46,14 +45,6 @@ def test_a_box_of_another_unit_costs_no_memory_and_no_result(
     record = checks["simulated_pressure"]
     assert record.objection is not None
     assert "column" in record.objection or "box" in record.objection
-
-
-def test_the_solver_has_as_many_cells_as_before_for_a_finite_spacing() -> None:
-    flow = make_flow()
-    column = scenes.GrainColumn(1.0, 1.0)
-    for spacing, cells in ((1e-30, 512), (0.01, 216), (1e30, 32)):
-        stated = dataclasses.replace(flow, attributes={"grid_spacing_of_solver": spacing})
-        assert scenes.cells_of(stated, column) == cells
 
 
 def test_an_endless_simulation_is_not_begun(flow: Flow) -> None:

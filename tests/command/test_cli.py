@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import shutil
 import subprocess
 import sys
@@ -27,23 +26,6 @@ def test_the_help_has_a_line_and_an_example_for_every_verb(
         assert max(map(len, text.splitlines())) <= 100
 
 
-def test_the_help_loads_no_command() -> None:
-    code = (
-        "import sys; from granpinn.command.cli import main; "
-        "main(['--help']); print('torch' in sys.modules)"
-    )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.splitlines()[-1] == "False"
-
-
-def test_every_module_of_the_commands_is_a_verb() -> None:
-    folder = Path(granpinn.__file__).parent / "commands"
-    assert {path.stem for path in folder.glob("[!_]*.py")} == set(cli.VERBS)
-    for name in cli.VERBS:
-        assert cli.command(name).verb == name
-        assert importlib.util.find_spec(f"granpinn.{name}") is not None
-
-
 def test_a_verb_gets_its_arguments_and_gives_its_exit_code(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -65,19 +47,11 @@ def test_an_unknown_verb_is_one_sentence(
     assert err.count("\n") == 1
 
 
-def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["--version"]) == 0
-    assert capsys.readouterr().out == f"granpinn {granpinn.__version__}\n"
-
-
 def test_it_is_installed_as_a_command_and_as_a_module() -> None:
     program = Path(sys.executable).with_name("granpinn")
     for command in ([str(program)], [sys.executable, "-m", "granpinn"]):
         done = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)
         assert done.stdout == f"granpinn {granpinn.__version__}\n"
-
-
-# ---- completion ----------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -129,11 +103,3 @@ def test_the_script_is_valid(shell: str, scripts: dict[str, str], tmp_path: Path
     path = tmp_path / "completion"
     path.write_text(scripts[shell])
     subprocess.run([program, "-n", str(path)], check=True)
-
-
-@pytest.mark.parametrize("argv", [[], ["powershell"], ["bash", "zsh"]], ids=str)
-def test_another_shell_is_refused(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["completion", *argv]) == 2
-    err = capsys.readouterr().err
-    assert err.startswith("granpinn.completion: ")
-    assert err.count("\n") == 1

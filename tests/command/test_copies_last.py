@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import signal
 from pathlib import Path
@@ -10,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from granpinn import identify, identify_many, results
-from granpinn.data import Flow
+from granpinn import identify, results
 from granpinn.identification.answer import ASSUMPTIONS, CURVE
 from granpinn.results.attempt import PENDING
 from granpinn.training import continuation
@@ -93,20 +91,3 @@ def test_ctrl_c_in_the_copies_stops_and_resume_makes_the_rest(
     assert resumed.parameters == whole.parameters
     assert resumed.theta == left.theta
     assert resumed.assumptions == whole.assumptions != left.assumptions
-
-
-def test_a_batch_is_on_disk_when_its_copies_begin(
-    flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    exact = dataclasses.replace(flow, attributes={**flow.attributes, "surface_sd": 0.0})
-    monkeypatch.setattr(sensitivity, "continued", raising(KeyboardInterrupt()))
-    with pytest.raises(KeyboardInterrupt):
-        identify_many([flow, exact], tiny(), run_dir=tmp_path)
-    lack = [missing(results.read_results(tmp_path / f"{e:03d}" / "results.json")) for e in range(2)]
-    assert [ASSUMPTIONS in found for found in lack] == [True, False]
-    monkeypatch.setattr(sensitivity, "continued", raising(MemoryError()))
-    found = identify_many([flow, exact], tiny(resume=True), run_dir=tmp_path)
-    assert [missing(result) for result in found] == [
-        {ASSUMPTIONS: "there is not enough memory"},
-        {},
-    ]

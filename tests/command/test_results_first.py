@@ -7,16 +7,15 @@ from typing import Any
 
 import pytest
 
-from granpinn import checks, identify, identify_many, results
-from granpinn.checks import bootstrap, profile_of_I0, resimulation
+from granpinn import identify, identify_many, results
+from granpinn.checks import bootstrap, profile_of_I0
 from granpinn.checks import simulated_pressure as pressure_check
 from granpinn.data import Flow
 from granpinn.errors import Interrupted
-from granpinn.fit import ensemble, prediction
-from granpinn.fit.case import Case
+from granpinn.fit import prediction
 from granpinn.identification.answer import ASSUMPTIONS, CURVE, FIELDS
 from granpinn.output import OutputError
-from granpinn.results.attempt import PENDING, NotDone, attempt
+from granpinn.results.attempt import PENDING, attempt
 from granpinn.second_opinion import simulated_pressure
 from granpinn.simulation import SimulationError
 from tests.command.late_parts import FILES, missing, raising, run
@@ -27,14 +26,6 @@ STAGE_ERRORS = [
     MemoryError("Unable to allocate 31 GiB"),
     SimulationError("the pressure did not converge"),
     RecursionError("deep\nand\x1b[2J long"),
-]
-ERRORS = [
-    *STAGE_ERRORS,
-    FloatingPointError("overflow"),
-    ZeroDivisionError("division by zero"),
-    RuntimeError("can't start new thread"),
-    KeyError("a bug"),
-    AssertionError(),
 ]
 
 
@@ -60,17 +51,6 @@ def test_the_simulated_pressure_fails_alone(
     assert result.parameters.mu_s.value > 0
     assert result.error_percent.velocity is not None
     assert {path.name for path in (tmp_path / "run").iterdir()} >= FILES
-
-
-def test_the_answer_comes_before_the_checks(flow_file: Path, tmp_path: Path) -> None:
-    told: list[results.Result] = []
-    last = identify(flow_file, tiny(steps=3), run_dir=tmp_path, on_values=told.append)
-    answer, *grown = told
-    assert answer.checks == {}
-    assert set(answer.not_done) == {check.name for check in checks.wanted(tiny())}
-    assert [len(result.checks) for result in grown] == [1, 2]
-    assert answer.parameters == last.parameters
-    assert last.not_done == {}
 
 
 def test_values_are_on_disk_before_the_fields(
@@ -150,28 +130,6 @@ def test_fields_that_cannot_be_made_leave_the_values(
     assert result.loss is not None
 
 
-@pytest.mark.parametrize("flag", ["--free-I0", "--resimulate", "--calibrate"])
-@pytest.mark.usefixtures("no_report")
-def test_what_a_flag_asks_for_fails_alone_with_exit_code_1(
-    flag: str,
-    flow_file: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(profile_of_I0, "profile_I0", raising(KeyError("a bug")))
-    monkeypatch.setattr(bootstrap, "bootstrap", raising(KeyError("a bug")))
-    monkeypatch.setattr(resimulation, "resimulate", raising(KeyError("a bug")))
-    assert run(flow_file, "--out", tmp_path / "run", flag) == 1
-    out, err = capsys.readouterr()
-    assert "Traceback" not in err
-    assert err.splitlines()[-1].startswith("granpinn.train: no ")
-    assert "mu_s" in out
-    result = results.read_results(tmp_path / "run" / "results.json")
-    assert len(missing(result)) == 1
-    assert PRESSURE in result.checks
-
-
 @pytest.mark.usefixtures("no_report")
 def test_a_kill_in_simulated_flows_leaves_them_pending(
     flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -181,20 +139,6 @@ def test_a_kill_in_simulated_flows_leaves_them_pending(
     assert run(flow_file, "--out", tmp_path / "run", "--free-I0", "--calibrate") == 130
     result = results.read_results(tmp_path / "run" / "results.json")
     assert missing(result) == {"bootstrap": PENDING, "profile_of_I0": "KeyError: 'a bug'"}
-
-
-@pytest.mark.usefixtures("no_report")
-def test_a_kill_in_the_profile_leaves_it_pending(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(profile_of_I0, "profile_I0", raising(KeyboardInterrupt()))
-    monkeypatch.setattr(resimulation, "resimulate", raising(KeyError("a bug")))
-    assert run(flow_file, "--out", tmp_path / "run", "--free-I0", "--resimulate") == 130
-    result = results.read_results(tmp_path / "run" / "results.json")
-    assert missing(result) == {
-        "resimulation": "KeyError: 'a bug'",
-        "profile_of_I0": PENDING,
-    }
 
 
 def test_a_member_of_a_batch_fails_alone(
@@ -224,30 +168,6 @@ def test_a_member_of_a_batch_fails_alone(
         assert written.to_dict() == result.to_dict()
         values = results.read_fields(tmp_path / f"{e:03d}" / "fields.h5").values
         assert ("p_simulated" in values) == (e != 1)
-
-
-def test_a_bug_in_one_member_leaves_the_files_of_the_others(
-    flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    real = ensemble.result
-
-    def first_fails(case: Case, *args: Any) -> Any:
-        if case.config.seed == 0:
-            raise KeyError("a bug")
-        return real(case, *args)
-
-    monkeypatch.setattr(ensemble, "result", first_fails)
-    with pytest.raises(KeyError, match="a bug"):
-        identify_many([flow] * 2, tiny(), [0, 1], run_dir=tmp_path)
-    assert results.read_results(tmp_path / "001" / "results.json").seed == 1
-
-
-@pytest.mark.parametrize("error", ERRORS, ids=lambda e: type(e).__name__)
-def test_every_error_of_a_part_is_one_sentence(error: Exception) -> None:
-    found = attempt(raising(error))
-    assert isinstance(found, NotDone)
-    assert found.why.isprintable()
-    assert found.why
 
 
 def test_a_disk_that_is_full_is_no_missing_part() -> None:

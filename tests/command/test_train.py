@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
-import runpy
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +11,10 @@ import numpy as np
 import pytest
 
 from granpinn import results
-from granpinn.command import exit_codes, training_run
+from granpinn.command import training_run
 from granpinn.commands import train
 from granpinn.commands.train import parse
 from granpinn.config import Config
-from granpinn.config.toml import to_toml
 from granpinn.data import Flow, write_flow
 from granpinn.errors import Interrupted
 from granpinn.output import OutputError
@@ -141,43 +137,12 @@ def test_a_bad_flow_file_is_refused_in_one_sentence(
     assert not (tmp_path / "run").exists()
 
 
-def test_a_missing_argument_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "FLOW" in refused(capsys, 2, "--out", "run", "--resume")
-    assert "--out" in refused(capsys, 2, "flow.h5")
-
-
 def test_no_argument_at_all_is_the_demonstration() -> None:
     config, verbose = parse([])
     assert config.flow == str(demo_path())
     assert demo_path().stat().st_size < 3e6
     assert (config.out, config.steps, verbose) == ("granpinn-demo", 6000, False)
     assert parse([config.flow, "--out", "run"]).config.steps == Config().steps
-
-
-@pytest.mark.parametrize(
-    ("flags", "expected"),
-    [
-        (["--out", "run"], {"out": "run", "steps": 6000}),
-        (["--steps", "70", "--checks", "none"], {"steps": 70, "checks": "none"}),
-        (["--max-time", "60"], {"steps": Config().steps, "max_time": 60.0}),
-        (["--recipe", "paper"], {"steps": 6000, "form": "strong"}),
-    ],
-    ids=lambda value: value[0] if isinstance(value, list) else "",
-)
-def test_the_demonstration_takes_flags(flags: list[str], expected: dict[str, Any]) -> None:
-    config = parse(flags).config
-    expected = {"flow": str(demo_path()), "out": "granpinn-demo"} | expected
-    assert {name: getattr(config, name) for name in expected} == expected
-
-
-def test_an_interrupted_demonstration_is_resumed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    first = parse(["--seed", "3"]).config
-    (tmp_path / "granpinn-demo").mkdir()
-    (tmp_path / "granpinn-demo" / "config.toml").write_text(to_toml(first))
-    assert parse(["--resume"]).config == dataclasses.replace(first, resume=True)
 
 
 def test_cuda_that_is_not_there_is_refused(
@@ -219,30 +184,3 @@ def test_exit_codes(
 
     monkeypatch.setattr(training_run, "identify", fail)
     refused(capsys, code, "flow.h5", "--out", "run")
-
-
-@pytest.mark.usefixtures("no_report")
-def test_tensorboard_listens_too(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made: list[Any] = []
-
-    class Board(training_run.progress.Silent):
-        def __init__(self, folder: Path, inner: Any) -> None:
-            made.append(folder)
-
-    monkeypatch.setattr(training_run.progress, "TensorBoard", Board)
-    assert run(flow_file, "--out", tmp_path / "run", "--tensorboard") == 0
-    assert made == [tmp_path / "run"]
-
-
-def test_python_m_granpinn_train_is_this_command(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(exit_codes, "guard_process", lambda command: None)
-    monkeypatch.setattr(sys, "argv", ["granpinn.train", "flow.h5"])
-    monkeypatch.delitem(sys.modules, "granpinn.train", raising=False)
-    with pytest.raises(SystemExit) as stop:
-        runpy.run_module("granpinn.train", run_name="__main__")
-    assert stop.value.code == 2
-    assert "--out, the folder of the run, is missing" in capsys.readouterr().err

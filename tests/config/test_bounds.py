@@ -9,7 +9,6 @@ import pytest
 
 from granpinn.config import Config, ConfigError, settings_of
 from granpinn.config.fields import TINY, Setting, without_none
-from granpinn.config.settings import MOST_LAYERS
 from granpinn.data import Flow
 from granpinn.errors import CannotGoOn
 from tests.flows import make_flow
@@ -80,20 +79,3 @@ def test_a_training_at_a_bound_ends_in_numbers_or_a_sentence(
     except CannotGoOn as error:
         stopped = str(error)
     assert "became NaN or infinite" in stopped if stopped else run.trainer.params.isfinite().all()
-
-
-@pytest.mark.parametrize(
-    "key", [k for k in NUMBERS if k.startswith(("steps", "epochs", "max_time"))]
-)
-def test_a_run_of_the_greatest_length_begins(key: str, flow: Flow) -> None:
-    settings = {"steps": None, "batch.interior": 1, key: NUMBERS[key].high}
-    run = make_run(tiny(**settings), flow)
-    assert run.trainer.schedule.total <= 2**53
-    assert run.trainer.schedule.learning_rate(0) > 0
-
-
-def test_a_network_has_a_bounded_number_of_layers() -> None:
-    for widths in ((), (1,) * (MOST_LAYERS + 1), (8,) * 100_000):
-        with pytest.raises(ConfigError, match=f"for 1 to {MOST_LAYERS} layers, got {len(widths)}"):
-            Config(network__widths=widths)
-    assert len(Config(network__widths=(1,) * MOST_LAYERS).network.widths) == MOST_LAYERS

@@ -108,25 +108,6 @@ def test_a_run_of_another_version_is_not_resumed(content: str, what: str, tmp_pa
         parse(["--out", str(tmp_path), "--resume"])
 
 
-def test_none_is_a_value_of_optional_settings() -> None:
-    config = parse([*REQUIRED, "--steps", "none", "--max-time", "60"]).config
-    assert config.steps is None
-
-
-def test_given_start_values_replace_the_random_ones_of_a_recipe() -> None:
-    config = parse([*REQUIRED, "--recipe", "paper", "--rheology.start", "0.3,0.6"]).config
-    assert config.rheology.start == (0.3, 0.6)
-
-
-def test_I0_is_a_flag_of_the_laws_that_have_it() -> None:
-    assert parse([*REQUIRED, "--I0", "0.2"]).config.I0 == 0.2
-    assert parse([*REQUIRED, "--law", "coulomb"]).config.law == "coulomb"
-    with pytest.raises(ConfigError, match="the friction law coulomb has no I0: leave I0 out"):
-        parse([*REQUIRED, "--law", "coulomb", "--I0", "0.2"])
-    with pytest.raises(ConfigError, match="free_I0 needs a friction law with I0"):
-        parse([*REQUIRED, "--law", "coulomb", "--free-I0"])
-
-
 BAD = {
     "no flow to resume": (["--out", "run", "--resume"], "FLOW"),
     "no out": (["flow.h5"], "--out"),
@@ -197,10 +178,3 @@ def test_a_bad_file_is_refused_in_one_sentence(content: str, expected: str, tmp_
         parse([*REQUIRED, "--config", str(path)])
     assert "\n" not in str(error.value)
     assert str(path) in str(error.value)
-
-
-def test_a_recipe_flag_does_not_relabel_a_file_of_another_recipe(tmp_path: Path) -> None:
-    path = tmp_path / "config.toml"
-    path.write_text(to_toml(Config()))
-    with pytest.raises(ConfigError, match="contradicts"):
-        parse([*REQUIRED, "--config", str(path), "--recipe", "paper"])

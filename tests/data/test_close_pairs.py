@@ -85,9 +85,3 @@ def test_walls_that_go_to_and_fro_are_refused() -> None:
     walls = Walls(x=np.tile([0.0, 2.0], MANY // 2), y=np.linspace(0, 1, 2 * (MANY // 2)))
     with pytest.raises(FlowFileError, match="at most 100000 times the grid spacing 0.1 at any one"):
         check_flow(replace(make_flow(), walls=walls))
-
-
-def test_a_piece_of_one_place_is_refused() -> None:
-    walls = Walls(x=np.array([0, 2, NAN, 1, 1]), y=np.array([0, 0, NAN, 0.5, 0.5]))
-    with pytest.raises(FlowFileError, match="points are all the same at index 3: give the ends"):
-        check_flow(replace(make_flow(), walls=walls))

@@ -13,7 +13,6 @@ import torch
 from granpinn.data import Flow, TrainingSet, training_set
 from granpinn.data.collocation import above_ground
 from granpinn.data.scaling import scales_of
-from tests.data.test_particles import FLOW as SCATTERED
 from tests.data.test_points import FLOW, SCALES, with_gaps
 from tests.flows import make_flow
 
@@ -52,14 +51,6 @@ def test_they_fill_their_cells() -> None:
         assert np.histogram(part, 5, (0, 1))[0] == pytest.approx(len(points) / 5, rel=0.05)
 
 
-def test_the_data_stay_as_they_are() -> None:
-    data, before = collocated(FLOW, 1.0), collocated(FLOW, 0.0)
-    made = data.arrays()
-    for name, values in before.arrays().items():
-        if name not in ("between", "equation_weights"):
-            assert torch.equal(made[name], values)
-
-
 @pytest.mark.parametrize(
     ("gravity", "axis", "lowest"),
     [((0, -9), 1, 2), ((0, 9), 1, 21), ((-9, 1), 2, 2), ((9, 1), 2, 17)],
@@ -90,16 +81,3 @@ def test_pooled_weights_keep_the_mean_over_the_data() -> None:
     after = (pool.point_weights[:, :1] * pool.velocity**2).mean()
     assert float(after) == pytest.approx(float(before), rel=1e-12)
     assert pool.pooled() is pool
-
-
-def test_flows_without_complete_cells_have_none() -> None:
-    one_row = replace(FLOW, c=np.where(np.arange(FLOW.y.size)[:, None] < 2, FLOW.c, 0).astype("f4"))
-    for flow, share in ((SCATTERED, 1.0), (FLOW, 0.0), (one_row, 1.0)):
-        made = collocated(flow, share)
-        assert len(made.between) == len(made.equation_weights) == 0
-        assert made.pooled() is made
-
-
-def test_they_are_the_same_in_either_precision() -> None:
-    single, double = (collocated(FLOW, 1.0, dtype) for dtype in (torch.float32, torch.float64))
-    assert torch.equal(single.between, double.between.float())

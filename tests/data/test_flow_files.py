@@ -65,17 +65,6 @@ def test_round_trip_is_exact(flow: Flow, tmp_path: Path) -> None:
     assert (tmp_path / "again.h5").read_bytes() == path.read_bytes()
 
 
-def test_file_without_a_law_is_of_mu_of_i(tmp_path: Path) -> None:
-    path = tmp_path / "flow.h5"
-    write_flow(make_flow(truth=Truth(0.4, 0.64, 0.3)), path)
-    with h5py.File(path, "r+") as file:
-        assert file.attrs["true_law"] == b"mu_of_i"
-        del file.attrs["true_law"]
-    truth = read_flow(path).truth
-    assert truth is not None
-    assert (truth.law, truth.theta) == ("mu_of_i", (0.4, 0.64, 0.3))
-
-
 @pytest.mark.parametrize(
     ("law", "message"),
     [
@@ -98,17 +87,6 @@ def test_dimensions_and_units_in_xarray(tmp_path: Path) -> None:
         assert dataset.u.dims == ("t", "y", "x")
         assert dataset.u.attrs["units"] == "m/s"
         assert dataset.t.attrs["units"] == "s"
-
-
-def test_layout_of_the_file(tmp_path: Path) -> None:
-    write_flow(make_flow(length_unit="1", time_unit="1"), tmp_path / "flow.h5")
-    with h5py.File(tmp_path / "flow.h5") as file:
-        assert all(file[name].is_scale for name in ("t", "y", "x"))
-        assert [d[0].name for d in file["u"].dims] == ["/t", "/y", "/x"]
-        assert file["u"].compression == "gzip"
-        for name in ("format_name", "length_unit", "time_unit", "source"):
-            assert not file.attrs.get_id(name).get_type().is_variable_str(), name
-        assert file["p"].attrs["units"] == b"1"
 
 
 def test_big_endian_and_checksums_are_read(tmp_path: Path) -> None:
@@ -152,13 +130,6 @@ def test_newest_layout_of_hdf5_is_read(tmp_path: Path) -> None:
         np.testing.assert_array_equal(arrays_of(again)[name], array)
 
 
-def test_larger_files_on_request(tmp_path: Path) -> None:
-    write_flow(make_flow(), tmp_path / "flow.h5")
-    with pytest.raises(FlowFileError, match="raise max_bytes"):
-        read_flow(tmp_path / "flow.h5", max_bytes=10_000)
-    read_flow(tmp_path / "flow.h5", max_bytes=10_000_000)
-
-
 def test_zeros_instead_of_gaps_are_noticed(tmp_path: Path) -> None:
     flow = make_flow()
     gaps = flow.valid & (np.arange(flow.u.size).reshape(flow.u.shape) % 50 == 0)
@@ -167,14 +138,6 @@ def test_zeros_instead_of_gaps_are_noticed(tmp_path: Path) -> None:
     write_flow(replace(flow, u=u, v=v), tmp_path / "flow.h5")
     with pytest.warns(FlowFileWarning, match="exactly zero"):
         read_flow(tmp_path / "flow.h5")
-
-
-def test_grains_at_rest_at_the_start_are_no_gaps(tmp_path: Path) -> None:
-    flow = make_flow()
-    u, v, t = flow.u.copy(), flow.v.copy(), flow.t - flow.t[0]
-    u[0][flow.material[0]] = v[0][flow.material[0]] = 0
-    write_flow(replace(flow, u=u, v=v, t=t, surface=None), tmp_path / "flow.h5")
-    read_flow(tmp_path / "flow.h5")
 
 
 def test_a_flow_that_breaks_a_rule_is_not_written(tmp_path: Path) -> None:

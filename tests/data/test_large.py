@@ -24,15 +24,11 @@ from granpinn.data import (
     read_flow,
     training_set,
     with_partial_cells,
-    write_flow,
-    writer,
 )
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.view import BETWEEN_RUNS
 from granpinn.fit import case
-from granpinn.inspection import inspect
-from granpinn.inspection.momentum_balance import baseline
 from tests.data.test_variants import walled
 from tests.flows import make_flow
 
@@ -61,23 +57,6 @@ def test_a_file_above_the_limit_stays_in_place(path: Path) -> None:
         assert not array.flags.owndata
         assert not array.flags.writeable
         np.testing.assert_array_equal(array, getattr(kept, name))
-
-
-def test_chunks_above_the_limit_are_refused(path: Path, tmp_path: Path) -> None:
-    write_flow(read_flow(path), tmp_path / "packed.h5")
-    with pytest.raises(FlowFileError, match="or write the file without chunks"):
-        read_flow(tmp_path / "packed.h5", max_bytes=1000)
-
-
-def test_large_flows_are_written_to_be_used_in_place(
-    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(writer, "MOST_IN_MEMORY", 10_000)
-    flow = read_flow(path, max_bytes=1000)
-    write_flow(flow, tmp_path / "again.h5")
-    again = read_flow(tmp_path / "again.h5", max_bytes=1000)
-    assert not again.u.flags.owndata
-    np.testing.assert_array_equal(again.u, flow.u)
 
 
 def test_small_and_scattered_flows_are_used_as_they_are() -> None:
@@ -153,21 +132,6 @@ def test_no_estimate_joins_two_runs(path: Path) -> None:
     assert np.abs(facts.slopes.du[:, 0]).max() < 1e-9
     assert np.nanmax(facts.noise_cells) == 0.0
     assert facts.independent(12345) * facts.noise.vectors_per_independent == 12345
-
-
-@pytest.mark.usefixtures("bounds")
-def test_facts_of_runs_are_close_to_those_of_the_flow(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    flow = read_flow(path)
-    some = Facts(large.runs(flow), scales_of(flow))
-    balance = baseline(large.runs(flow))
-    monkeypatch.setattr(large, "MOST_CELLS", 2**23)
-    whole = Facts(flow, scales_of(flow))
-    assert some.noise.sigma == pytest.approx(whole.noise.sigma, rel=0.05)
-    assert some.speed == pytest.approx(whole.speed, rel=0.2)  # a quarter of an octave
-    assert some.invariant == whole.invariant
-    assert (balance.mean is None) == (baseline(flow).mean is None)
 
 
 def sets_of(flow: Flow, level: str) -> tuple[TrainingSet, TrainingSet]:
@@ -253,10 +217,3 @@ def test_what_a_large_flow_does_not_allow_is_refused(
         ConfigError, match=r"points 1.68, .* got 1 GB: choose a smaller batch.colloc"
     ):
         case.pose(path, Config(members=4, device="cpu"))
-
-
-@pytest.mark.usefixtures("bounds")
-def test_an_inspection_measures_one_run(path: Path) -> None:
-    found = inspect(read_flow(path))
-    assert found.flow.t.size == 20
-    assert not found.not_done

@@ -12,19 +12,14 @@ import torch
 from granpinn.data import (
     Flow,
     FlowFileError,
-    FlowFileWarning,
     check_flow,
     particle_flow,
-    read_flow,
     training_set,
-    write_flow,
 )
 from granpinn.data.flow import Particles
-from granpinn.data.scaling import origin_of, scales_of
-from granpinn.figures.maps import frame_at
+from granpinn.data.scaling import scales_of
 from granpinn.fit.case import Model
-from granpinn.fit.prediction import predict, velocity_at_particles
-from granpinn.inspection import inspect
+from granpinn.fit.prediction import predict
 from granpinn.results.fields import read_fields, write_fields
 from tests.examples import make_model
 from tests.flows import make_flow
@@ -115,35 +110,6 @@ def test_predictions_do_not_depend_on_the_origin(form: str) -> None:
         assert error <= 1e-4 * scale  # 1e-9 m and 2e-7 s of rounding, on steps of 0.05
 
 
-def test_a_flow_near_zero_keeps_its_origin() -> None:
-    assert scales_of(FLOW).origin == (0, 0, 0)
-    assert origin_of(np.linspace(10.0, 10.5, 100)) == 0  # float32 resolves 2e-4 of a step
-    assert origin_of(np.linspace(-0.5, 1e6, 100)) == 0
-    assert origin_of(np.linspace(1e6, 1e6 + 1, 100)) == 1e6
-
-
-def test_the_inspection_does_not_depend_on_the_origin() -> None:
-    before, after = (inspect(moved(FLOW, o)).numbers() for o in ((0, 0, 0), (2.0**20, 0, 2.0**20)))
-    assert before.keys() == after.keys()
-    assert after["initial_height"] == pytest.approx(before["initial_height"], rel=1e-6)
-    assert after["checks"]["vectors"] == pytest.approx(before["checks"]["vectors"], rel=1e-6)
-
-
-def test_maps_take_the_time_after_the_first_one() -> None:
-    there = moved(FLOW, OFFSETS["unix time"])
-    frames = [frame_at(predict(f, trained(f)), None) for f in (FLOW, there)]
-    assert abs(frames[0] - frames[1]) <= 1
-    assert frames[1] > 0
-
-
-def test_velocities_at_particles_use_the_same_origin() -> None:
-    flow = scattered()
-    there = moved(flow, OFFSETS["all"])
-    found = velocity_at_particles(there, trained(there))
-    assert found is not None
-    assert len(np.unique(found[0])) > 100
-
-
 @pytest.mark.parametrize("name", ["t", "x", "y"])
 def test_values_that_float32_does_not_tell_apart_are_refused(name: str) -> None:
     values = getattr(FLOW, name).copy()
@@ -159,24 +125,3 @@ def test_values_that_float64_has_rounded_are_refused(name: str) -> None:
     values = getattr(FLOW, name) + 1e14
     with pytest.raises(FlowFileError, match=f"^{name} must be far more precise than its steps"):
         check_flow(replace(FLOW, **{name: values}))
-
-
-def test_surface_times_that_float32_has_rounded_are_refused(tmp_path: Path) -> None:
-    there = moved(FLOW, OFFSETS["unix time"])
-    assert there.surface is not None
-    rounded = there.surface.t.astype(np.float32).astype(np.float64)
-    with pytest.raises(FlowFileError, match="surface_t must be as precise as t, got numbers of fl"):
-        check_flow(replace(there, surface=replace(there.surface, t=rounded)))
-
-
-def test_fractions_above_one_by_rounding_count_as_grains(tmp_path: Path) -> None:
-    c = FLOW.c.copy()
-    inside = np.flatnonzero(c == 1)[::2]
-    c.ravel()[inside] = np.float32(1 + 2**-23)
-    flow = replace(FLOW, c=c)
-    expected, found = (training_set(f, scales_of(f)) for f in (FLOW, flow))
-    assert torch.equal(expected.points, found.points)
-    np.testing.assert_array_equal(predict(flow, trained(flow)).c, FLOW.c)
-    write_flow(flow, tmp_path / "flow.h5")
-    with pytest.warns(FlowFileWarning, match=f"{inside.size} values of c exceed 1 by rounding"):
-        read_flow(tmp_path / "flow.h5")

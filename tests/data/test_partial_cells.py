@@ -9,7 +9,6 @@ import pytest
 
 from granpinn.data import Flow, with_partial_cells
 from granpinn.data.flow import Surface
-from tests.data.test_particles import FLOW as SCATTERED
 from tests.flows import make_flow
 
 T, Y, X = 3, 6, 5
@@ -37,20 +36,6 @@ def test_cells_with_their_center_below_the_line_are_full() -> None:
     assert full(layer()) == [T * X] * 4 + [0, 0]
 
 
-def test_a_cell_without_a_vector_or_a_line_stays() -> None:
-    flow = layer()
-    flow.u[0, 3, 0] = np.nan
-    assert full(flow)[3] == T * X - 1
-    assert flow.surface is not None
-    later = flow.surface.t > flow.t[0]
-    surface = replace(flow.surface, **{k: getattr(flow.surface, k)[later] for k in ("t", "x", "y")})
-    assert full(replace(flow, surface=surface))[3] == (T - 1) * X
-
-
-def test_without_a_line_cells_that_are_half_full_count() -> None:
-    assert full(replace(layer(), surface=None)) == [T * X] * 4 + [0, 0]
-
-
 @pytest.mark.parametrize("turns", [1, 2, 3])
 def test_the_line_is_above_against_gravity(turns: int) -> None:
     flow = layer()
@@ -65,12 +50,6 @@ def test_the_line_is_above_against_gravity(turns: int) -> None:
     surface = replace(flow.surface, x=line[0], y=line[1])
     turned = replace(flow, x=x, y=y, gravity=(g_x, g_y), surface=surface, **fields)
     assert int((with_partial_cells(turned).c == 1).sum()) == 4 * T * X
-
-
-def test_cells_of_a_solver_and_scattered_vectors_stay() -> None:
-    solver = layer(attributes={"grid_spacing_of_solver": 1.0})
-    assert with_partial_cells(solver) is solver
-    assert with_partial_cells(SCATTERED) is SCATTERED
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -17,7 +17,6 @@ from granpinn.data import (
     Flow,
     FlowFileError,
     Particles,
-    add_noise,
     check_flow,
     particle_flow,
     read_flow,
@@ -25,7 +24,6 @@ from granpinn.data import (
     write_flow,
 )
 from granpinn.data import particles as particles_module
-from granpinn.data.particles import grid_view
 from granpinn.data.scaling import RESOLUTION, equation_constants, scales_of
 from tests.flows import make_flow
 
@@ -87,20 +85,6 @@ def test_training_takes_the_vectors_as_they_are() -> None:
     np.testing.assert_allclose(data.point_weights[:, 0].numpy(), weight / weight.mean(), rtol=1e-6)
 
 
-def test_no_vector_at_the_start_is_used() -> None:
-    shifted = scattered(t=PARTICLES.t - PARTICLES.t.min())
-    data = training_set(replace(shifted, surface=None), scales_of(shifted), "V0")
-    assert len(data.points) == int((PARTICLES.t > PARTICLES.t.min()).sum())
-    none = scattered(t=PARTICLES.t - 9)
-    with pytest.raises(FlowFileError, match="particles/t must hold times after 0, got none"):
-        training_set(replace(none, surface=None), scales_of(none), "V0")
-
-
-def test_the_height_is_that_of_the_first_grains() -> None:
-    """The first frame of the grid has grains in 21 rows of 1.1/24 m."""
-    assert scales_of(FLOW).length == pytest.approx(20 * 1.1 / 24 + FLOW.grain_diameter)
-
-
 def test_the_view_shows_where_grains_are() -> None:
     """Its grains cover the area of the grid's cells to a fifth, and a cell has their mean."""
     areas = [f.material.sum((1, 2)) * (f.x[1] - f.x[0]) * (f.y[1] - f.y[0]) for f in (FLOW, GRID)]
@@ -113,16 +97,6 @@ def test_the_view_shows_where_grains_are() -> None:
     inside &= PARTICLES.t == FLOW.t[k]
     assert inside.sum() > 1
     assert FLOW.u[k, j, i] == pytest.approx(PARTICLES.u[inside].mean(), rel=1e-6)
-
-
-def test_noise_is_added_to_the_vectors() -> None:
-    noisy = add_noise(FLOW, 0.1, seed=3).particles
-    assert noisy is not None
-    sigma = 0.1 * np.hypot(PARTICLES.u, PARTICLES.v).max()
-    assert np.std(noisy.u - PARTICLES.u) == pytest.approx(sigma, rel=0.05)
-    np.testing.assert_allclose(noisy.sigma_v, np.hypot(PARTICLES.sigma_v, sigma), rtol=1e-5)
-    plain = add_noise(scattered(sigma_u=None, sigma_v=None), 0.1, seed=3)
-    assert plain.sigma_u == pytest.approx(sigma, rel=1e-5)
 
 
 def with_nan(name: str) -> dict[str, Any]:
@@ -149,12 +123,6 @@ def test_wrong_vectors_are_refused(changes: dict[str, Any], message: str) -> Non
     with pytest.raises(FlowFileError, match=message) as caught:
         scattered(**changes)
     assert "\n" not in str(caught.value)
-
-
-def test_lengths_must_agree() -> None:
-    short = replace(PARTICLES, u=PARTICLES.u[1:])
-    with pytest.raises(FlowFileError, match="particles/u must be \\[N\\]"):
-        check_flow(replace(FLOW, particles=short))
 
 
 def edit(tmp_path: Path, change: Any) -> Path:
@@ -226,14 +194,6 @@ def test_particles_are_trained_on_and_drawn(tmp_path: Path) -> None:
         assert file["p"].shape == FLOW.c.shape
         assert file["p"].attrs["units"] == b"Pa"
         assert np.isfinite(file["u"][:][FLOW.material]).all()
-
-
-def test_a_view_that_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(particles_module, "available", lambda: 1000)
-    particles = FLOW.particles
-    assert particles is not None
-    with pytest.raises(FlowFileError, match=r"particles need a view of \d+ x \d+ x \d+ cells"):
-        grid_view(particles)
 
 
 @pytest.mark.parametrize("times", [1500, 3000])

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn import data
 from granpinn.data import Flow, FlowFileError, large, training_set
 from granpinn.data.outline import outline
 from granpinn.data.scaling import RESOLUTION, scales_of
-from granpinn.physics.scales import Scales
 from tests.flows import make_flow
 
 FLOW = make_flow()
+
 SCALES = scales_of(FLOW)
+
 SURFACE = FLOW.surface
 assert SURFACE is not None
 assert SURFACE.p is not None
@@ -49,12 +49,6 @@ def test_data_points_are_the_valid_vectors_in_order(dtype: torch.dtype) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=rounding)
     tensors = [value for value in vars(data_set).values() if isinstance(value, torch.Tensor)]
     assert {tensor.dtype for tensor in tensors} == {dtype}
-
-
-def test_bounds_are_those_of_the_points() -> None:
-    data_set = training_set(FLOW, SCALES)
-    assert torch.equal(data_set.lower, data_set.points.amin(0))
-    assert torch.equal(data_set.upper, data_set.points.amax(0))
 
 
 def test_no_time_zero() -> None:
@@ -142,11 +136,6 @@ def test_the_outline_is_the_same_slab_by_slab(monkeypatch: pytest.MonkeyPatch) -
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
 
 
-def test_without_an_outline_v0_has_no_surface() -> None:
-    full = replace(FLOW, c=np.ones_like(FLOW.c))  # the grains go on beyond the picture
-    assert training_set(full, SCALES, "V0").surface_points.shape == (0, 3)
-
-
 def test_pressure_at_v2_only_and_dimensionless() -> None:
     p = np.arange(SURFACE.y.size, dtype=np.float32)
     flow = replace(FLOW, surface=replace(SURFACE, p=p))
@@ -178,19 +167,6 @@ def test_a_level_needs_its_data(flow: Flow, level: str, message: str) -> None:
         training_set(flow, SCALES, level)
 
 
-def test_unknown_level() -> None:
-    with pytest.raises(ValueError, match="level must be one of V0, V1, V2, got 'V3'"):
-        training_set(FLOW, SCALES, "V3")
-
-
-def test_numbers_that_overflow_are_refused() -> None:
-    u = FLOW.u.copy()
-    u[FLOW.valid] = 3e38
-    tiny = Scales(1e-3, 1e-3, 1.0, 1.0)
-    with pytest.raises(FlowFileError, match=r"velocity must be finite as torch\.float32"):
-        training_set(replace(FLOW, u=u), tiny)
-
-
 def test_training_never_sees_truth_or_reference_pressure() -> None:
     blind = replace(FLOW, truth=None, p=None)
     for a, b in zip(
@@ -218,22 +194,3 @@ def test_weights() -> None:
     np.testing.assert_allclose(weights[:, 0], expected / expected.mean(), rtol=1e-6)
     assert weights[1, 0] > 1.5 * weights[0, 0]
     assert torch.equal(weights[:, 1], torch.ones(len(weights), dtype=torch.float64))
-
-
-def test_grid_for_scoring_holds_all_material_points() -> None:
-    points, cells = data.test_grid(with_gaps(FLOW), SCALES)
-    assert len(points) == FLOW.material.sum()
-    frame, row, column = cells
-    assert (FLOW.c[cells] == 1).all()
-    np.testing.assert_allclose(
-        SCALES.points_to_physical(points),
-        np.stack([FLOW.x[column], FLOW.y[row], FLOW.t[frame]], -1),
-        rtol=1e-14,
-    )
-    flat = np.ravel_multi_index(cells, FLOW.u.shape)
-    assert (np.diff(flat) > 0).all()
-
-
-def test_height_is_measured_against_gravity() -> None:
-    assert replace(FLOW, gravity=(0.0, -2.0)).height(3.0, 4.0) == 4
-    assert replace(FLOW, gravity=(3.0, -4.0)).height(1.0, 0.0) == pytest.approx(-0.6)

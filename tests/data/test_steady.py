@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from granpinn.arrays import Float64
-from granpinn.data import Flow, Surface, add_noise, check_flow, large, read_flow
+from granpinn.data import Flow, Surface, add_noise, check_flow, large
 from granpinn.data.noise import max_speed
 from granpinn.data.steady import HARMFUL, PARTS, _has_trend, is_steady, said, steady_mean
-from granpinn.simulation import demo_path
 from tests.flows import make_chute, make_flow
 
 FRAMES = 60
@@ -108,28 +107,6 @@ def test_whatever_changes_is_no_steady_flow(seed: int) -> None:
         assert not is_steady(sped(clean, 1 + small))
 
 
-def test_a_collapse_is_not_steady_in_any_part_of_it(seed: int) -> None:
-    demo = read_flow(demo_path())
-    for noise in (0.0, 0.02, 0.2):
-        flow = add_noise(demo, noise, seed)
-        T = flow.t.size
-        for first, last in ((0, T), (0, PARTS), (T // 2, T), (T - 2 * PARTS, T), (T - PARTS, T)):
-            assert not is_steady(large.some_frames(flow, slice(first, last)))
-
-
-def test_a_surface_that_moves(seed: int) -> None:
-    flow = filmed(seed)
-    assert flow.surface is not None
-    rising = 4 * (flow.surface.t - flow.t[0]) / np.ptp(flow.t)
-    line = replace(flow.surface, y=flow.surface.y + rising)
-    assert not is_steady(replace(flow, surface=line))
-    assert not is_steady(replace(flow, surface=large.chosen(line, line.t == line.t[0])))
-    thinner = flow.c.copy()
-    thinner[FRAMES // 2 :, -6:] = 0
-    assert is_steady(replace(flow, surface=None))
-    assert not is_steady(replace(flow, surface=None, c=thinner))
-
-
 def test_what_the_file_states_overrules(seed: int) -> None:
     steady, moving = filmed(seed), make_flow(p=None)
     kept = replace(steady, attributes={"steady": 0})
@@ -196,22 +173,3 @@ def test_gaps_and_partly_filled_cells(seed: int) -> None:
     np.testing.assert_allclose(found.c[0, row], 0.5)
     exact = make_chute().u
     assert np.nanmax(np.abs(found.u - exact)[0, :row]) < 0.06
-
-
-def test_a_large_flow_has_the_same_mean(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    flow = filmed(seed)
-    whole = steady_mean(flow)
-    monkeypatch.setattr(large, "MOST_CELLS", flow.c[0].size * 20)
-    monkeypatch.setattr("granpinn.data.steady.SLAB_CELLS", flow.c[0].size * 4)
-    assert large.is_large(flow)
-    found = steady_mean(flow)
-    assert found.averaged == FRAMES
-    np.testing.assert_allclose(found.u, whole.u, rtol=1e-12)
-    assert found.sigma_u == pytest.approx(whole.sigma_u)
-
-
-def test_added_noise_is_that_of_a_mean(seed: int) -> None:
-    mean = steady_mean(make_chute(frames=FRAMES))
-    noisy = add_noise(mean, 0.1, seed)
-    error = (noisy.u - mean.u)[mean.valid]
-    assert float(error.std()) == pytest.approx(0.1 * max_speed(mean) / math.sqrt(FRAMES), rel=0.2)

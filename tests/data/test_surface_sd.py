@@ -13,7 +13,6 @@ import pytest
 from granpinn.data import Flow, FlowFileError, Particles, particle_flow, read_flow, write_flow
 from granpinn.data.surface import (
     from_fraction,
-    outward_normals,
     spacing,
     surface_sd,
     with_moved_surface,
@@ -40,19 +39,6 @@ def particles() -> Flow:
     return particle_flow(vectors, surface=flow.surface, **constants)
 
 
-def test_normals_point_out_of_the_heap() -> None:
-    flow = make_flow(**FINE)
-    assert flow.surface is not None
-    s = flow.surface
-    spread = 1 + 2 * s.t**2
-    # h = H sqrt(1 - x^2/R^2): the gradient of (x/R)^2 + (y/H)^2
-    exact = np.stack([s.x / (0.6 * spread) ** 2, s.y * spread**2], -1)
-    exact /= np.linalg.norm(exact, axis=1, keepdims=True)
-    cosine = np.sum(outward_normals(flow, s) * exact, axis=1)
-    assert cosine.min() > 0
-    assert np.quantile(cosine, 0.05) > np.cos(np.radians(10))
-
-
 @pytest.mark.parametrize("turn", [0.0, 2.0, 4.0])
 def test_a_line_of_any_direction_moves_away_from_the_grains(turn: float) -> None:
     """A disk of grains, whose outline folds: every point ends on the circle of another radius."""
@@ -69,21 +55,6 @@ def test_a_line_of_any_direction_moves_away_from_the_grains(turn: float) -> None
     radius = np.hypot(moved.surface.x - 1.0, moved.surface.y - 0.55)
     # The ends of the line have neighbors on one side alone.
     np.testing.assert_allclose(radius[3:-3], 0.45, atol=1e-3)
-
-
-def test_few_points_move_against_gravity() -> None:
-    flow = make_flow()
-    assert flow.surface is not None
-    two = replace(flow.surface, **{k: v[:2] for k, v in vars(flow.surface).items()})
-    moved = with_moved_surface(replace(flow, surface=two), 0.1).surface
-    assert moved is not None
-    np.testing.assert_allclose(moved.y - two.y, 0.1)
-    np.testing.assert_array_equal(moved.x, two.x)
-
-
-def test_a_flow_without_a_line_has_none_to_move() -> None:
-    with pytest.raises(FlowFileError, match="add the line"):
-        with_moved_surface(make_flow(surface=None), 0.1)
 
 
 @pytest.mark.parametrize("offset", [-1.0, -0.5, 0.5, 1.0])
@@ -111,14 +82,6 @@ def test_the_rule() -> None:
     assert surface_sd(small, "V0") == h / 2
     assert surface_sd(replace(small, surface=None), "V0") == h / 2
     assert surface_sd(particles(), "V1") == 0.025 / 2
-
-
-def test_a_solver_knows_its_surface() -> None:
-    flow = solver(make_flow(**FINE))
-    assert surface_sd(flow, "V1") == surface_sd(flow, "V0") == 0
-    assert surface_sd(with_moved_surface(flow, 0.3 * spacing(flow)), "V1") == 0
-    wrong = with_moved_surface(flow, spacing(flow))
-    assert surface_sd(wrong, "V1") == pytest.approx(spacing(flow), rel=0.2)
 
 
 @pytest.mark.parametrize("stated", [0.0, 0.003])

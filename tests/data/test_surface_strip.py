@@ -11,7 +11,7 @@ import torch
 from granpinn.data import Flow, TrainingSet, training_set
 from granpinn.data.flow import Surface
 from granpinn.data.scaling import scales_of
-from granpinn.data.surface_strip import DENSITY, FINER, LARGEST_PART, THICKEST
+from granpinn.data.surface_strip import DENSITY, FINER, LARGEST_PART
 from granpinn.data.symmetry import axes_of
 from tests.data.walled import line
 from tests.flows import make_chute
@@ -53,13 +53,6 @@ def test_they_fill_the_strip_evenly(frames: int) -> None:
     assert (of_strip.sum() / of_between[0]).item() == pytest.approx(expected, rel=0.15)
 
 
-def test_a_strip_makes_at_most_a_third_of_a_batch() -> None:
-    """Few rows of vectors under the strip."""
-    flow = make_chute(frames=3, columns=120, rows=4)
-    made = trained(flow)
-    assert 0 < len(made.strip) <= LARGEST_PART * (len(made.points) + len(made.between))
-
-
 def test_the_rest_of_the_training_stays() -> None:
     """The weights of the equations have another mean over the data, the same at all of them."""
     flow = layer()
@@ -93,11 +86,6 @@ def test_the_pool_holds_them_between_the_others_and_the_walls() -> None:
     assert pool.pooled() is pool
 
 
-def test_a_wide_gap_is_no_strip() -> None:
-    flow = layer(THICKEST + 0.2)
-    assert len(trained(flow).strip) == 0
-
-
 @pytest.mark.parametrize("steady", [True, False])
 def test_the_time_of_a_line_counts_unless_the_flow_is_steady(steady: bool) -> None:
     flow = layer()
@@ -109,11 +97,6 @@ def test_the_time_of_a_line_counts_unless_the_flow_is_steady(steady: bool) -> No
     flow = replace(flow, surface=late)
     found = trained(flow).strip
     assert len(found[:, 2].unique()) == (3 if steady else 2)
-
-
-def test_no_strip_without_points_between_the_vectors_or_a_line() -> None:
-    assert len(trained(layer(), share=0.0).strip) == 0
-    assert len(trained(layer(), level="V0").strip) == 0
 
 
 @pytest.mark.parametrize("periodic", [True, False])

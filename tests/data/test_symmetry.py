@@ -47,19 +47,6 @@ def test_a_flow_file_keeps_what_it_states(tmp_path: Path, frames: int) -> None:
     np.testing.assert_array_equal(found.u, flow.u)
 
 
-def test_true_is_written_as_a_number(tmp_path: Path) -> None:
-    write_flow(make_flow(attributes={"steady": True}), tmp_path / "flow.h5")
-    assert read_flow(tmp_path / "flow.h5").steady
-
-
-@pytest.mark.parametrize("value", [np.array([1]), np.float32(1), np.int8(1)])
-def test_any_number_states_a_steady_flow(tmp_path: Path, value: Any) -> None:
-    write_flow(make_flow(), tmp_path / "flow.h5")
-    with h5py.File(tmp_path / "flow.h5", "r+") as file:
-        file.attrs["steady"] = value
-    assert read_flow(tmp_path / "flow.h5").steady
-
-
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "not steady with one frame": (
         {"steady": 0},
@@ -110,25 +97,6 @@ def test_a_steady_flow_has_no_start() -> None:
         training_set(moving, scales_of(moving), "V0")
 
 
-def test_one_frame_has_points_between_its_vectors() -> None:
-    flow = make_chute()
-    scales = scales_of(flow)
-    data = training_set(flow, scales, collocation=1.0)
-    between = data.between.numpy()
-    assert len(between) == len(data.points)
-    assert (between[:, 2] == data.points[0, 2].item()).all()
-    full = flow.y[flow.c[0].any(axis=1)] / scales.length
-    assert between[:, 1].min() >= full[1] - 1e-6
-    assert between[:, 1].max() <= full[-1] + 1e-6
-
-
-def test_the_time_of_a_surface_does_not_matter_in_a_steady_flow() -> None:
-    flow = make_chute()
-    assert flow.surface is not None
-    check_flow(replace(flow, surface=replace(flow.surface, t=flow.surface.t.astype(np.float32))))
-    check_flow(replace(flow, surface=replace(flow.surface, t=flow.surface.t + 7)))
-
-
 @pytest.mark.parametrize("frames", [1, ALL_FRAMES])
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.2])
 def test_a_chute_is_the_same_along_x(frames: int, noise: float, seed: int) -> None:
@@ -147,30 +115,6 @@ def test_a_wave_along_x_is_kept(frames: int, waves: int, noise: float, seed: int
     flow = make_chute(frames=frames, columns=32)
     assert not same_along_x(add_noise(wavy(flow, 0.06, waves), noise, seed))
     assert same_along_x(wavy(flow, 0.01, waves))
-
-
-def test_few_columns_and_gaps() -> None:
-    flow = make_chute(columns=5)
-    assert same_along_x(flow)
-    assert not same_along_x(wavy(flow, 0.06))
-    u, v = flow.u.copy(), flow.v.copy()
-    u[0, ::2, 3] = v[0, ::2, 3] = np.nan
-    assert same_along_x(replace(flow, u=u, v=v))
-    u[0, :, 1:] = v[0, :, 1:] = np.nan  # nothing is known along x
-    assert not same_along_x(replace(flow, u=u, v=v))
-
-
-def test_a_wavy_surface_is_kept() -> None:
-    flow = make_chute()
-    assert flow.surface is not None
-    y = flow.surface.y + 2.5 * np.cos(2 * np.pi * flow.surface.x / 32)
-    assert not same_along_x(replace(flow, surface=replace(flow.surface, y=y)))
-
-
-def test_only_periodic_sides_are_asked() -> None:
-    assert not same_along_x(make_chute(attributes={}))
-    assert invariant_axes(make_flow()) == (False, False, False)
-    assert words((False, False, False)) == ()
 
 
 def test_a_layer_keeps_its_axes_and_its_thickness() -> None:

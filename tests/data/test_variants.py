@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 
 from granpinn.data import Flow, TrainingSet, training_set
-from granpinn.data.collocation import above_ground, lie_between, points_between
 from granpinn.data.outline import surface_of
 from granpinn.data.points import training_sets
 from granpinn.data.scaling import scales_of
@@ -36,18 +34,6 @@ def walled() -> Flow:
     walls = line((0, 0), (32, 0), (np.nan, np.nan), (0, 12), (16, 12))
     p = single(np.nan, np.nan, np.nan, 0.5, 0.7)
     return make_chute(walls=replace(walls, slip=single(0, 0, np.nan, 1, 1), p=p))
-
-
-@pytest.mark.parametrize("flow", [make_flow(), walled()], ids=["heap", "walls"])
-@pytest.mark.parametrize("share", [0.0, 1.0])
-def test_a_flow_beside_itself_is_the_flow_alone(flow: Flow, share: float) -> None:
-    (own,) = sets_of(flow, share=share)
-    assert len(own.strip) > 0 or share == 0
-    assert (len(own.wall_points) > 0) == (flow.walls is not None)
-    for found in sets_of(flow, flow, share=share):
-        assert found.source is own.source is None
-        for name, values in vars(own).items():
-            assert values is None or torch.equal(getattr(found, name), values), name
 
 
 def test_walls_have_their_conditions_in_every_variant() -> None:
@@ -87,20 +73,6 @@ def test_a_variant_has_the_points_of_its_own() -> None:
         torch.testing.assert_close(found.point_weights.mean(0), torch.ones(2).double())
     assert (lower.point_weights[:, 0] > 0).sum() < (upper.point_weights[:, 0] > 0).sum()
     assert (lower.point_weights[:, 1] > 0).sum() < (upper.point_weights[:, 1] > 0).sum()
-
-
-def test_points_between_belong_to_complete_cells() -> None:
-    full = fuller(make_flow(), 300)
-    less = replace(full, c=make_flow().c)
-    for flow in (less, full):
-        grains = above_ground(flow)
-        x, y, t = points_between(flow, grains, 2000)
-        assert lie_between(flow, grains, x, y, t).all()
-    inside = lie_between(less, above_ground(less), x, y, t)
-    assert 0 < inside.sum() < inside.size
-    one = replace(full, t=full.t[:1], u=full.u[:1], v=full.v[:1], c=full.c[:1])
-    grains = one.material
-    assert lie_between(one, grains, *points_between(one, grains, 50)).all()
 
 
 def test_surfaces_are_those_of_the_variants() -> None:

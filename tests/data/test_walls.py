@@ -21,19 +21,10 @@ from granpinn.data.outline import outline
 from granpinn.data.scaling import scales_of
 from granpinn.data.wall_points import walls_of
 from granpinn.data.walls import crossed, parted, samples, segments_of
-from tests.data.walled import EVERYTHING, FLOOR, NAN, full, line, single
+from tests.data.walled import FLOOR, NAN, full, line, single
 from tests.flows import make_chute, make_flow
 
 FLOW = make_flow()
-
-
-def test_segments_of_pieces() -> None:
-    found = segments_of(EVERYTHING)
-    np.testing.assert_array_equal(found.ends, [[[0, 0], [2, 0]], [[0, 0], [0, 1]]])
-    np.testing.assert_array_equal(found.sticks, [True, False])
-    np.testing.assert_array_equal(found.wall, [0, 1])
-    np.testing.assert_array_equal(found.normal[0], [[0, 1], [0, 1]])
-    assert found.names() == ["the wall from (0, 0) to (2, 0)", "the wall from (0, 0) to (0, 1)"]
 
 
 def test_a_wall_that_moves_is_one_wall() -> None:
@@ -180,11 +171,6 @@ def test_a_turning_drum() -> None:
         assert len(found[0].x) >= 50  # of 62; cells are up to 2 away elsewhere
         assert found[2][0].sticks == share
         assert found[2][0].closed == 1.0
-
-
-def test_dry_walls_have_no_condition() -> None:
-    far = sheared(lambda x, y: (y, 0 * y), line((0, -3), (16, -3)))
-    assert len(on_walls(far).wall_points) == 0
 
 
 def test_known_pressure_counts_at_every_level() -> None:

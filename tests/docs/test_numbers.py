@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from docs.generate import demonstration, numbers, raw, sources
+from docs.generate import demonstration, numbers, raw
 
 ROOT = Path(__file__).parents[2]
 GIVEN = "mu(I) is <!--n:grains.mu-->old<!--/n--> % off"
@@ -47,29 +47,6 @@ def test_a_stale_number_is_named_and_filled_in(
     assert numbers.main(["--check"]) == 0
 
 
-def test_a_name_without_a_source_is_refused() -> None:
-    with pytest.raises(numbers.UnknownNumberError, match="no_such"):
-        numbers.filled("<!--n:no_such-->1<!--/n-->", numbers.NUMBERS)
-
-
-def test_a_reference_is_made_when_the_site_is_built() -> None:
-    page = "# Commands\n\n<!--n:commands--><!--/n-->\n"
-    assert numbers.filled(page, numbers.NUMBERS) == page
-    assert "usage: granpinn train" in numbers.on_page_markdown(page, None, None, None)
-
-
 def test_the_picture_and_the_output_of_the_readme_are_of_one_run() -> None:
     with Image.open(demonstration.PICTURE) as picture:
         assert picture.info["output"] == raw.text("demonstration")
-
-
-def test_errors_in_grains_are_those_of_the_law() -> None:
-    """One row by hand: mu at both ends of its range and at I = 0.01 and 0.03 between."""
-    row = {"mu_s": "0.2", "mu_2": "0.6", "true_s": "0.25", "true_2": "0.6", "I0": "0.3"}
-    row |= {"I_low": "0.005", "I_high": "0.04", "true_low": "", "true_high": ""}
-    found = sources.errors(row)
-    x = [n / (n + 0.3) for n in (0.005, 0.01, 0.03, 0.04)]
-    right = [(0.2 + 0.4 * y) / (0.25 + 0.35 * y) for y in x]
-    assert found == pytest.approx([100 * (ratio - 1) for ratio in right])
-    mean = row | {"true_s": "0.3", "true_2": "0.3", "true_low": "0.1", "true_high": "0.1"}
-    assert sources.errors(mean) == pytest.approx([0.0])

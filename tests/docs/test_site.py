@@ -9,7 +9,6 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
-import pytest
 import yaml
 
 import granpinn
@@ -54,63 +53,11 @@ def test_the_note_of_a_study_is_a_page(tmp_path: Path) -> None:
     assert repository.place_on_site("docs/index.md", tmp_path) == "index.md"
 
 
-def test_a_new_page_goes_to_the_end_of_the_section_of_its_folder() -> None:
-    navigation = hook("navigation")
-    nav = [{"Home": "index.md"}, {"Guides": ["guides/a.md"]}, {"Reference": ["reference/b.md"]}]
-    done = navigation.completed(nav, ["guides/a.md", "guides/new.md", "index.md", "reference/b.md"])
-    assert done == [nav[0], {"Guides": ["guides/a.md", "guides/new.md"]}, nav[2]]
-
-
-def test_the_index_of_a_folder_comes_first() -> None:
-    done = hook("navigation").completed([{"Evidence": []}], ["evidence/a.md", "evidence/index.md"])
-    assert done == [{"Evidence": ["evidence/index.md", "evidence/a.md"]}]
-
-
-def test_an_empty_subsection_takes_the_pages() -> None:
-    completed = hook("navigation").completed
-    nav = [{"Evidence": ["evidence/index.md", {"Studies": []}]}]
-    done = completed(nav, ["evidence/index.md", "evidence/a.md"])
-    assert done == [{"Evidence": ["evidence/index.md", {"Studies": ["evidence/a.md"]}]}]
-    assert completed(nav, ["evidence/index.md"]) == [{"Evidence": ["evidence/index.md"]}]
-
-
-def test_an_empty_section_is_left_out() -> None:
-    nav = [{"Home": "index.md"}, {"Evidence": []}]
-    assert hook("navigation").completed(nav, ["index.md"]) == [{"Home": "index.md"}]
-
-
-def test_all_hooks_are_listed() -> None:
-    there = {
-        f"docs/generate/{path.name}"
-        for path in (DOCS / "generate").glob("*.py")
-        if re.search(r"^def on_", path.read_text(), re.MULTILINE)
-    }
-    assert set(settings()["hooks"]) == there
-
-
-@pytest.mark.parametrize("name", sorted(p.stem for p in (DOCS / "generate").glob("*.py")))
-def test_a_hook_loads_without_the_tools_of_the_site(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The tests of README.md run where the extra `docs` is not installed."""
-    for tool in ("mkdocs", "mkdocs.structure.files", "latex2mathml", "latex2mathml.converter"):
-        monkeypatch.setitem(sys.modules, tool, None)
-    assert hook(name).__doc__
-
-
 def test_command_reference_has_every_command_that_the_readme_names() -> None:
     commands = hook("commands").VERBS
     named = set(re.findall(r"python -m granpinn\.([a-z_]+)", (ROOT / "README.md").read_text()))
     assert named <= set(commands)
     assert [name for name in commands if name in ("convert", "train")] == ["convert", "train"]
-
-
-@pytest.mark.parametrize("name", ["convert", "train", "report", "simulate", "doctor"])
-def test_command_section_is_the_help_itself(name: str) -> None:
-    text = hook("commands").section(name)
-    assert text.startswith(f"## granpinn.{name}\n")
-    assert f"usage: granpinn {name}" in text
-    assert text.count("```") == 2
 
 
 def test_settings_have_every_setting_and_every_recipe() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, Particles, particle_flow
+from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.lattice import ROUNDING, lattice_step
@@ -37,17 +37,6 @@ def test_the_step_is_found(step: float, scatter: float) -> None:
     assert noise is not None
     assert noise >= least * 0.99
     assert any("peak locking" in slip.sentence for slip in quick(flow).slips)
-
-
-def test_the_step_of_particles_is_found() -> None:
-    rng = np.random.default_rng(4)
-    t = np.repeat(np.arange(5.0), 100)
-    x, y = rng.uniform(0, 1, (2, t.size))
-    u, v = np.rint(rng.normal(0, 3, (2, t.size))) * 0.25
-    flow = particle_flow(
-        Particles(t, x, y, u, v), gravity=(0, -1), density=1.0, grain_diameter=0.02
-    )
-    assert lattice_step(flow) == pytest.approx(0.25)
 
 
 def sheared() -> Flow:

@@ -1,15 +1,11 @@
 """The noise from pairs of vectors equals the noise that was added, beside gaps and scattered."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from granpinn.arrays import Float64
-from granpinn.data import Flow, Particles, add_noise, particle_flow
-from granpinn.data.noise import max_speed
+from granpinn.data import Particles, particle_flow
 from granpinn.data.scaling import scales_of
-from granpinn.estimates import noise as noise_module
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.pairs import pair_noise
 from granpinn.inspection import inspect
@@ -81,61 +77,6 @@ def test_order_units_and_a_few_bad_vectors_do_not_matter(seed: int) -> None:
     assert bad is not None
     assert bad.u == pytest.approx(0.05, rel=0.25)
     assert bad.vectors_per_independent == pytest.approx(truth, rel=0.4)
-
-
-@pytest.mark.parametrize("frames", [1, 8])
-def test_few_frames_have_no_pairs(frames: int) -> None:
-    data, _ = vectors(0.0, 0, cells=False, frames=frames)
-    assert pair_noise(*data) is None
-
-
-def test_frames_of_one_vector_have_no_pairs() -> None:
-    data, _ = vectors(0.0, 0, cells=False)
-    assert pair_noise(np.arange(data[0].size, dtype=float), *data[1:]) is None
-
-
-def thinned(flow: Flow, part: float, seed: int) -> Flow:
-    gone = np.random.default_rng(seed).uniform(size=flow.u.shape) > part
-    u, v = (np.where(gone, np.nan, a).astype(np.float32) for a in (flow.u, flow.v))
-    return replace(flow, u=u, v=v)
-
-
-def shared_noise(flow: Flow, sd: float, seed: int) -> Flow:
-    """Errors of `sd` times the largest speed that 3 x 3 cells share."""
-    generator = np.random.default_rng(seed)
-
-    def errors() -> Float64:
-        e = generator.standard_normal((flow.t.size, flow.y.size // 3 + 1, flow.x.size // 3 + 1))
-        whole = e.repeat(3, axis=1).repeat(3, axis=2)
-        return np.asarray(sd * max_speed(flow) * whole[:, : flow.y.size, : flow.x.size])
-
-    u, v = ((a + errors()).astype(np.float32) for a in (flow.u, flow.v))
-    return replace(flow, u=u, v=v)
-
-
-def test_a_part_of_a_grid_has_the_noise_of_the_whole(demo: Flow, seed: int) -> None:
-    """Half and a tenth of the vectors: 3 and 1.8 of the 9 cells of a block, in the mean."""
-    flow = shared_noise(demo, 0.05, seed)
-    scales = scales_of(flow)
-    whole = Facts(flow, scales)
-    for part, truth in ((0.5, 1 + 8 * 0.5), (0.1, 1 + 8 * 0.1)):
-        few = Facts(thinned(flow, part, seed), scales)
-        assert few.noise.sigma == pytest.approx(whole.noise.sigma, rel=0.15)
-        assert few.noise.vectors_per_independent == pytest.approx(truth, rel=0.25)
-        assert few.independent() == few.view.count.sum() / few.noise.vectors_per_independent
-
-
-def test_differences_are_used_where_gaps_are_few(
-    demo: Flow, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refused(*_: Float64) -> None:
-        raise AssertionError("pairs of a grid that has most of its differences")
-
-    monkeypatch.setattr(noise_module, "pair_noise", refused)
-    flow = add_noise(demo, 0.05, seed)
-    scales = scales_of(flow)
-    for part in (1.0, 0.9):
-        assert Facts(thinned(flow, part, seed), scales).noise.sigma is not None
 
 
 def test_particles_that_share_errors(seed: int) -> None:

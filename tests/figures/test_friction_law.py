@@ -7,11 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granpinn.data import Truth
 from granpinn.figures import curves
-from granpinn.figures.style import NothingToDraw
 from granpinn.results import Covariance, Result, summary
-from granpinn.results.determined import Determined
 from granpinn.uncertainty.curve import with_curve
 from tests.figures.drawn import labels, line, xy
 from tests.run_folder import Array, Contents
@@ -52,39 +49,6 @@ def test_the_points_of_the_fit_are_drawn_with_their_spread(
     assert "the stress ratio of the fit, " in drawing.caption
     strong = curves.friction_law(replace(over(result), form="strong"), contents.fields)
     assert "which is that of the law by construction" in strong.caption
-
-
-@pytest.mark.parametrize("truth", [None, Truth(), Truth(mu_s=0.4), Truth(I0=0.3)], ids=str)
-def test_the_law_without_its_truth(result: Result, contents: Contents, truth: Truth | None) -> None:
-    drawing = curves.friction_law(replace(over(result), truth=truth), contents.fields)
-    assert "true" not in labels(drawing.figure.axes[0])
-    assert "generated the data" not in drawing.caption
-
-
-def test_a_truth_without_I0_is_drawn_with_the_given_one(result: Result, contents: Contents) -> None:
-    truth = replace(over(result), truth=Truth(mu_s=0.38, mu_2=0.64))
-    I, mu = xy(line(curves.friction_law(truth, contents.fields).figure.axes[0], "true"))
-    np.testing.assert_allclose(mu, 0.38 + 0.26 / (1 + 0.25 / I), rtol=1e-12)
-
-
-def test_a_truth_of_another_law_is_drawn_with_its_own_curve(
-    result: Result, contents: Contents
-) -> None:
-    truth = replace(over(result), truth=Truth(0.35, law="coulomb"))
-    _, mu = xy(line(curves.friction_law(truth, contents.fields).figure.axes[0], "true"))
-    np.testing.assert_allclose(mu, 0.35)
-
-
-def test_the_law_needs_to_know_the_range(result: Result, contents: Contents) -> None:
-    with pytest.raises(NothingToDraw, match="range of I is not known: no grains shear"):
-        curves.friction_law(with_curve(result, np.zeros(3), np.ones(3)), contents.fields)
-
-
-def test_a_law_without_meaning_is_not_drawn(result: Result, contents: Contents) -> None:
-    nothing = Determined(0.0, 0.1, 0.05, 0.4, None, None, {}, ("mu_s", "mu_2"), reason="walls move")
-    drawing = curves.friction_law(over(replace(result, determined=nothing)), contents.fields)
-    assert "identified" not in labels(drawing.figure.axes[0])
-    assert "The curve is not determined: walls move." in drawing.caption
 
 
 def test_the_band_is_that_of_the_result(result: Result, contents: Contents) -> None:

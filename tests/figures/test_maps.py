@@ -11,11 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
 from granpinn.figures import maps, profiles, residual, style
-from granpinn.figures.style import NothingToDraw
 from granpinn.results import Fields
 from granpinn.results.fields import Units
 from tests.figures.drawn import shares
-from tests.run_folder import Array, Contents, with_values, without_frame
+from tests.run_folder import Array, Contents, with_values
 
 K = 8
 SIMULATED = 7  # a frame with a simulated pressure
@@ -39,13 +38,6 @@ def shown(axes: Axes) -> Array:
 
 def inside(frame: Array) -> Array:
     return frame[np.isfinite(frame)]
-
-
-@pytest.mark.parametrize(
-    ("time", "k"), [(None, 7), (0.1, 0), (-3.0, 0), (0.5, 5), (9.0, 11), (float("nan"), 0)]
-)
-def test_the_frame_nearest_to_a_time(fields: Fields, time: float | None, k: int) -> None:
-    assert maps.frame_at(fields, time) == k  # t = 0.1 ... 1.0 in 12 frames
 
 
 def test_the_window_holds_all_grains_and_one_cell_more(fields: Fields) -> None:
@@ -73,21 +65,6 @@ def test_the_simulated_pressure_and_what_is_open(fields: Fields) -> None:
     assert drawing.caption.startswith(f"Simulated pressure in the grains at {at}")
 
 
-def test_the_simulated_pressure_is_shown_at_the_nearest_time_that_has_one(fields: Fields) -> None:
-    frame = fields.index // (fields.y.size * fields.x.size)
-    some = np.where(np.isin(frame, (3, 11)), fields.values["p_simulated"], np.nan)
-    for k, shown_k in ((K, 11), (0, 3)):
-        drawing = maps.simulated_pressure(
-            with_values(fields, p_simulated=some, p_reference=None), k
-        )
-        assert f"t = {fields.t[shown_k]:.3g}" in drawing.caption
-        assert len(drawing.figure.axes) == 4  # two maps and their scales
-        expected = inside(fields.frame("p_simulated", shown_k))
-        np.testing.assert_array_equal(shown(drawing.figure.axes[0]), expected)
-    with pytest.raises(NothingToDraw, match="no simulated pressure"):
-        maps.simulated_pressure(with_values(fields, p_simulated=None), K)
-
-
 def test_pressure_beside_its_reference(fields: Fields) -> None:
     drawing = maps.pressure_fields(fields, K)
     predicted, reference, difference = panels = drawing.figure.axes[:3]
@@ -101,13 +78,6 @@ def test_pressure_beside_its_reference(fields: Fields) -> None:
     assert drawing.caption.startswith(f"Pressure in the grains at t = {fields.t[K]:.3g} s")
     assert predicted.get_ylabel() == "$y$ [m]"
     assert drawing.figure.axes[3].get_ylabel() == "$p$ [units of the file]"
-
-
-def test_pressure_without_a_reference(fields: Fields) -> None:
-    drawing = maps.pressure_fields(with_values(fields, p_reference=None), K)
-    np.testing.assert_array_equal(shown(drawing.figure.axes[0]), inside(fields.frame("p", K)))
-    assert len(drawing.figure.axes) == 2  # the map and its colour bar
-    assert drawing.caption.endswith(": predicted. The flow file has no reference pressure.")
 
 
 def test_speed_beside_that_of_the_flow_file(fields: Fields) -> None:
@@ -131,46 +101,6 @@ def test_grains_of_every_shape_fit_their_figure(
     stacked = first.y0 > second.y1
     assert stacked == (maps.aspect_of(fields, maps.grain_window(fields, K)) < maps.WIDE)
     style.save(residual.momentum_residual(fields, K).figure, tmp_path / "residual.png")
-
-
-def test_a_frame_without_grains_is_not_drawn(fields: Fields) -> None:
-    with pytest.raises(NothingToDraw, match="inside the grains at t = 0.755"):
-        maps.pressure_fields(without_frame(fields, K, 0.0), K)
-
-
-def test_grains_thinner_than_a_cell(fields: Fields) -> None:
-    thin = without_frame(fields, K, 0.9)
-    assert shown(maps.pressure_fields(thin, K).figure.axes[0]).size == 0
-    with pytest.raises(NothingToDraw, match="thinner than a grid cell at t = 0.755"):
-        profiles.profiles(thin, K)
-
-
-def test_grains_that_fill_the_grid_have_no_surface(fields: Fields) -> None:
-    axes = maps.pressure_fields(fields, K).figure.axes[0]
-    assert len(axes.collections) == 2  # the map and the line c = 0.5
-    one = fields.c.shape[1] * fields.c.shape[2]
-    full = replace(
-        fields,
-        t=fields.t[:1],
-        c=np.ones_like(fields.c[:1]),
-        values={name: np.ones(one, np.float32) for name in fields.values},
-    )
-    assert len(maps.pressure_fields(full, 0).figure.axes[0].collections) == 1
-
-
-def test_a_single_row_of_cells_has_an_aspect() -> None:
-    fields = Fields(
-        t=np.ones(1),
-        y=np.array([0.5]),
-        x=np.array([0.5, 1.5]),
-        c=np.ones((1, 1, 2), np.float32),
-        values={"p": np.ones(2, np.float32)},
-        units=Units("1", "1"),
-        length=1.0,
-        time=1.0,
-        pressure=1.0,
-    )
-    assert maps.aspect_of(fields, maps.grain_window(fields, 0)) == 1.0
 
 
 def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
@@ -197,18 +127,6 @@ def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
     assert (size < high).mean() == pytest.approx(0.95, abs=1e-3)
 
 
-def test_a_residual_that_is_nowhere_finite_is_not_drawn(fields: Fields) -> None:
-    with pytest.raises(NothingToDraw, match="not finite where grains shear"):
-        residual.momentum_residual(with_values(fields, momentum_residual_x=np.nan), K)
-
-
-def test_profiles_lie_at_three_heights(fields: Fields) -> None:
-    rows = profiles.profile_rows(fields, K)
-    filled = fields.y[np.isfinite(fields.frame("p", K)).any(1)]
-    wanted = filled[0] + np.array([0.1, 0.4, 0.7]) * np.ptp(filled)
-    assert np.abs(fields.y[rows] - wanted).max() <= np.diff(fields.y).max() / 2 * (1 + 1e-9)
-
-
 def test_profiles_show_rows_of_the_fields(fields: Fields) -> None:
     outline, speed, pressure, difference = profiles.profiles(fields, K).figure.axes
     u, v, p = (fields.frame(name, K) for name in ("u", "v", "p"))
@@ -222,16 +140,3 @@ def test_profiles_show_rows_of_the_fields(fields: Fields) -> None:
         np.testing.assert_array_equal(pressure.lines[2 * i + 1].get_ydata(), known[row])
         percent = 100 * (p - known)[row] / np.nanmax(known)
         np.testing.assert_allclose(difference.lines[i].get_ydata(), percent, rtol=1e-5)
-
-
-def test_profiles_without_reference_pressure(fields: Fields) -> None:
-    drawing = profiles.profiles(with_values(fields, p_reference=None), K)
-    assert len(drawing.figure.axes) == 3
-    assert drawing.figure.axes[2].get_title(loc="left") == "(c) pressure: lines predicted"
-    assert drawing.caption.endswith("The flow file has no reference pressure.")
-
-
-@pytest.mark.parametrize("reference", [0.0, np.nan])
-def test_profiles_of_a_reference_without_pressure(fields: Fields, reference: float) -> None:
-    drawing = profiles.profiles(with_values(fields, p_reference=reference), K)
-    assert len(drawing.figure.axes) == 4

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from granpinn.figures import album, curves, maps, style
-from granpinn.figures.style import NothingToDraw
 from granpinn.physics.terms import NAMES
-from granpinn.results import Fields, Result
+from granpinn.results import Result
 from tests.figures.drawn import labels, line, shares, xy
 from tests.run_folder import Contents, with_values
 
@@ -34,30 +33,6 @@ def test_the_histogram_of_I_counts_every_grain_point_after_the_start(
         assert 0 < flowing.max() <= shares(axes).max() * (1 + 1e-12)
 
 
-def test_points_at_the_start_are_not_counted(result: Result, contents: Contents) -> None:
-    fields = replace(contents.fields, t=contents.fields.t - contents.fields.t[0])
-    start = fields.time_of_points() == 0
-    drawing = curves.inertial_number(result, with_values(fields, I=np.where(start, 0.5, 0.02)))
-    assert shares(drawing.figure.axes[0]).max() == pytest.approx(1)
-
-
-def test_the_share_of_points_below_the_histogram_is_said(
-    result: Result, contents: Contents
-) -> None:
-    K = contents.fields.index.size
-    fields = with_values(contents.fields, I=np.where(np.arange(K) < 0.25 * K, 1e-6, 0.1))
-    drawing = curves.inertial_number(result, fields)
-    assert "25 % of the points have I below 0.0001" in drawing.caption
-    assert shares(drawing.figure.axes[0]).sum() == pytest.approx(0.75, abs=1e-3)
-    assert labels(drawing.figure.axes[0])[-2:] == ["$I_0$ = 0.25", "median 0.1"]
-    assert xy(line(drawing.figure.axes[0], "$I_0$ = 0.25"))[0] == pytest.approx(0.25)
-
-
-def test_a_median_below_the_histogram_has_no_line(result: Result, contents: Contents) -> None:
-    axes = curves.inertial_number(result, with_values(contents.fields, I=0.0)).figure.axes[0]
-    assert not [name for name in labels(axes) if name.startswith("median")]
-
-
 def test_the_course_of_the_training_is_the_history(result: Result, contents: Contents) -> None:
     history = contents.history
     scalars, terms = curves.evolution(result, history).figure.axes
@@ -71,22 +46,6 @@ def test_the_course_of_the_training_is_the_history(result: Result, contents: Con
         shown = np.where(history[name] > 0, history[name], np.nan)  # 0 has no logarithm
         np.testing.assert_array_equal(xy(line(terms, name))[1], shown)
     assert np.isnan(history["momentum"][0])  # the pre-fit has no such term
-
-
-def test_a_course_without_truth_surface_or_second_row(result: Result, contents: Contents) -> None:
-    history = {name: column[-1:] for name, column in contents.history.items()}
-    history["surface"] = np.zeros(1)  # level V0
-    drawing = curves.evolution(replace(result, truth=None), history)
-    scalars, terms = drawing.figure.axes
-    assert labels(scalars) == [r"$\mu_s$", r"$\mu_2$"]
-    assert "surface" not in labels(terms)
-    assert "dashed" not in drawing.caption
-    assert scalars.get_xlim() == (40, 41)
-
-
-def test_a_history_without_rows_is_not_drawn(result: Result, contents: Contents) -> None:
-    with pytest.raises(NothingToDraw, match="no rows"):
-        curves.evolution(result, {name: c[:0] for name, c in contents.history.items()})
 
 
 def test_a_figure_is_always_the_same_bytes(
@@ -118,11 +77,6 @@ def test_a_figure_is_drawn_once_with_the_bytes_of_savefig(
     assert path.read_bytes() == memory.getvalue()
 
 
-def test_figures_are_not_kept_by_pyplot(result: Result, contents: Contents) -> None:
-    curves.friction_law(result, contents.fields)
-    assert plt.get_fignums() == []
-
-
 @pytest.mark.parametrize(
     ("unit", "expected"),
     [
@@ -152,21 +106,3 @@ def test_every_figure_is_drawn_or_said_to_be_missing(
     assert [(m.title, m.reason.split(".")[0]) for m in missing] == [
         (two[absent][0], f"there is no {file}")
     ]
-
-
-def nothing_to_draw(contents: Contents, fields: Fields, folder: Path) -> set[str]:
-    """Why none of the figures that need fields was drawn."""
-    pictures, missing = album.draw_all(album.Source(contents.result, fields, None, 8), folder)
-    assert pictures == []
-    return {m.reason for m in missing} - {"there is no history.csv that can be read"}
-
-
-def test_fields_that_lack_a_variable_are_not_drawn(contents: Contents, tmp_path: Path) -> None:
-    fields = with_values(contents.fields, eta=None, I=None)
-    assert nothing_to_draw(contents, fields, tmp_path) == {"fields.h5 lacks I, eta"}
-
-
-def test_fields_that_end_at_the_start_are_not_drawn(contents: Contents, tmp_path: Path) -> None:
-    fields = replace(contents.fields, t=contents.fields.t - 1.0)
-    (reason,) = nothing_to_draw(contents, fields, tmp_path)
-    assert reason == "fields.h5 has no grid point inside the grains after the start"

@@ -22,8 +22,11 @@ from granpinn.filming.tracking import follow
 from granpinn.importers import DataFileError
 
 ROWS, COLUMNS, TOP = 120, 200, 40  # px; the grains lie below row TOP
+
 GRAIN = 6.0  # px
+
 STILL = 5  # frames before the release
+
 LAB: dict[str, Any] = {
     "scale": "0.1 mm/px",
     "frame_rate": "300 Hz",
@@ -83,14 +86,17 @@ def test_velocity_surface_and_release(shot: list[Any], tmp_path: Path) -> None:
     assert flow.particles.u.max() == pytest.approx(speed(TOP, 20) * 1e-4 * 300, rel=0.1)
     assert flow.stated("surface_sd") == pytest.approx(0.1 * 0.6e-3)
     assert flow.t[0] > 0
+    assert flow.surface is not None
+    below = np.median(flow.surface.y) - flow.particles.y.max()
+    assert 0.6 * GRAIN < below * 1e4 < 1.5 * GRAIN  # a window of 1.5 grains ends at the surface
 
 
-def test_slow_regions_get_a_longer_time(shot: list[Any], tmp_path: Path) -> None:
-    field = measured(save(shot, tmp_path / "a"), FilmSettings(**LAB)).fields[-1]
-    good = field.vectors.kept()
-    low, high = (np.median(good.step[m]) for m in (good.y > ROWS - 20, good.y < TOP + 20))
-    assert low > high
-    assert (2 * good.step * np.abs(good.u)).max() < 12
+def test_the_time_of_the_first_frame_may_be_given(shot: list[Any], tmp_path: Path) -> None:
+    pattern = save(shot, tmp_path / "a")
+    found, given = (granpinn.film(pattern, **LAB, **more) for more in ({}, {"start": "50 ms"}))
+    step = float(np.diff(found.t)[0])
+    assert (given.t[0] - 0.05) / step == pytest.approx(round((given.t[0] - 0.05) / step), abs=0.01)
+    assert given.t - given.t[0] == pytest.approx(found.t - found.t[0])
 
 
 def test_command_writes_flow_and_page(
@@ -202,20 +208,6 @@ def test_a_video_has_the_frames_of_its_images(shot: list[Any], tmp_path: Path) -
         assert picture is not None
         assert np.abs(picture.astype(int) - expected).mean() < 4
     assert len(frames.sample(3)) == 3
-
-
-def test_deep_pictures_and_regions(shot: list[Any], tmp_path: Path) -> None:
-    """12 bits in files of 16, and a part of every picture."""
-    deep = [p.astype(np.uint16) * 16 for p in shot[:4]]
-    frames = opened([save(deep, tmp_path / "a")])
-    frames.region = slice(10, 60), slice(0, 50)
-    assert frames.sample(1)[0] == pytest.approx(shot[0][10:60, :50], abs=255)
-    assert frames.sample(1)[0].dtype == np.uint8
-
-
-def test_a_frame_rate_that_is_too_low_is_named(shot: list[Any], tmp_path: Path) -> None:
-    with pytest.warns(UserWarning, match=r"with 0.005\d* times gravity .*frame.rate"):
-        granpinn.film(save(shot, tmp_path / "a"), **(LAB | {"frame_rate": "30 Hz"}))
 
 
 @pytest.mark.parametrize(

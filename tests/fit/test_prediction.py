@@ -94,24 +94,6 @@ def test_the_viscosity_is_inside_its_limits_and_reaches_both(form: str) -> None:
         assert eta.min() == eta_min
 
 
-def test_material_at_rest_has_finite_fields() -> None:
-    model = make_model("mixed")
-    still = model._replace(params=torch.zeros_like(model.params))
-    found = evaluate(torch.rand(5, 3, dtype=torch.float64), *still)
-    assert all(torch.isfinite(value).all() for value in found.values())
-    assert not found["D2"].any()
-    assert (found["eta"] == model.physics[4]).all()
-    torch.testing.assert_close(found["p"], torch.full_like(found["p"], 0.9 * np.log(2)))
-    torch.testing.assert_close(found["momentum_residual_y"], torch.full_like(found["p"], 0.99))
-
-
-def test_nothing_is_recorded_for_gradients() -> None:
-    model = make_model("strong")
-    model.params.requires_grad_()
-    found = evaluate(torch.rand(5, 3, dtype=torch.float64), *model)
-    assert not any(value.requires_grad for value in found.values())
-
-
 def test_values_lie_at_their_points_in_the_units_of_the_file(flow: Flow) -> None:
     model, scales = make_model("mixed"), scales_of(flow)
     fields = run(flow, model)
@@ -132,34 +114,6 @@ def test_values_lie_at_their_points_in_the_units_of_the_file(flow: Flow) -> None
     for name, known in (("u", flow.u), ("v", flow.v), ("p", flow.p)):
         assert known is not None
         assert fields.frame(f"{name}_reference", k)[row, column] == known[k, row, column]
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_a_dimensionless_flow_gives_the_same_physics(form: str, flow: Flow) -> None:
-    scales, model = scales_of(flow), make_model(form)
-    assert flow.p is not None
-    bare = replace(
-        flow,
-        t=scales.to_dimensionless(flow.t, "time"),
-        x=scales.to_dimensionless(flow.x, "length"),
-        y=scales.to_dimensionless(flow.y, "length"),
-        u=scales.to_dimensionless(flow.u, "velocity"),
-        v=scales.to_dimensionless(flow.v, "velocity"),
-        p=scales.to_dimensionless(flow.p, "pressure"),
-        gravity=(0.0, -1.0),
-        density=1.0,
-        grain_diameter=scales.to_dimensionless(flow.grain_diameter, "length"),
-        length_unit="1",
-        time_unit="1",
-    )
-    with_units, without = run(flow, model), run(bare, model)
-    assert (without.length, without.time, without.pressure) == pytest.approx((1, 1, 1))
-    for name in PREDICTED + REFERENCES:
-        kind = VARIABLES[name][0]
-        value = with_units.values[name]
-        if kind != "number":
-            value = scales.to_dimensionless(value, kind)  # type: ignore[arg-type]
-        np.testing.assert_allclose(value, without.values[name], rtol=2e-5, atol=1e-6, err_msg=name)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -224,10 +178,3 @@ def test_chunks_bound_the_memory_and_change_nothing(
     assert list(parts.values) == list(whole.values)
     for name, value in whole.values.items():
         np.testing.assert_array_equal(parts.values[name], value, err_msg=name)
-
-
-def test_a_flow_without_pressure_has_no_known_one() -> None:
-    fields = run(make_flow(frames=3, rows=8, columns=8, p=None), make_model("mixed"))
-    assert "p_reference" not in fields.values
-    assert {"p", "u_reference", "v_reference"} <= fields.values.keys()
-    assert all(value.dtype == np.float32 for value in fields.values.values())

@@ -7,7 +7,6 @@ parameters that lie on the device.
 from __future__ import annotations
 
 import dataclasses
-import json
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -20,15 +19,14 @@ import torch
 
 from granpinn import results
 from granpinn.checks.simulated_pressure import velocity_of, with_simulated_pressure
-from granpinn.commands import tables, train
-from granpinn.data import Flow, write_flow
+from granpinn.commands import train
+from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
 from granpinn.fit.case import Model, members, pose
 from granpinn.fit.prediction import predict
 from granpinn.identification.start import start
 from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion.simulated_pressure import Pressures, at_frames
-from tests.flows import make_flow
 from tests.runs import tiny
 
 NO_GPU = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
@@ -117,25 +115,3 @@ def test_the_command_leaves_everything(
     frames = np.flatnonzero(np.isfinite(simulated).any(axis=(1, 2)))
     assert tuple(frames) == record.frames
     assert (out / "report.html").stat().st_size > 10_000
-
-
-@pytest.mark.parametrize("device", DEVICES)
-def test_tables_close_the_pressure_of_every_member(
-    device: str, settings: Path, tmp_path: Path
-) -> None:
-    for name in ("a", "b"):
-        write_flow(make_flow(rows=12, columns=10), tmp_path / f"{name}.h5")
-    out = tmp_path / "out"
-    argv = [tmp_path / "a.h5", tmp_path / "b.h5", "--out", out, "--seeds", 2, "--device", device]
-    assert tables.main([str(a) for a in [*argv, "--config", settings]]) == 0
-    content = json.loads((out / "tables.json").read_text())
-    assert torch.device(content["device"]).type == device
-    assert len(content["members"]) == 4
-    for k, member in enumerate(content["members"]):
-        assert member["failure"] is None
-        assert member["error_percent"]["pressure_simulated"] > 0
-        found = results.read_results(out / "runs" / f"{k:03d}" / "results.json").checks[
-            "simulated_pressure"
-        ]
-        assert found is not None
-        assert (len(found.frames), found.failed, found.late) == (3, 0, 0)

@@ -12,9 +12,6 @@ import torch
 from granpinn import identify, identify_many, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.estimates import facts
-from granpinn.estimates.noise import Noise, grid_noise
-from granpinn.estimates.view import View
 from granpinn.fit.case import pose
 from granpinn.identification.start import start
 from granpinn.results import Result
@@ -62,37 +59,6 @@ def test_a_member_has_the_bits_of_a_single_run(flow: Flow, other: Flow) -> None:
         assert numbers(found) == numbers(alone)
         assert (found.seed, found.parameters.I0.value) == (seed, value)
     assert len({found.parameters.mu_s.value for found in together}) == 3
-
-
-def test_noise_is_drawn_for_every_member(flow: Flow) -> None:
-    noisy = dataclasses.replace(CONFIG, noise=0.2)
-    together = identify_many([flow, flow], noisy, [5, 6])
-    for found, seed in zip(together, (5, 6), strict=True):
-        assert numbers(found) == numbers(identify(flow, dataclasses.replace(noisy, seed=seed)))
-
-
-def test_members_share_the_data_of_one_flow(flow: Flow, other: Flow) -> None:
-    cases = [pose(flow, CONFIG), pose(other, CONFIG)]
-    cases.append(dataclasses.replace(cases[0]))
-    run = start(cases, CONFIG, None, None, 0.0, [None] * 3)
-    objective = run.trainer.objective
-    N = [len(case.member.data.pooled().points) for case in cases]
-    assert len(objective.pool.points) == N[0] + N[1]
-    assert objective.places[:, :2].tolist() == [[0, N[0]], [N[0], N[1]], [0, N[0]]]
-
-
-def test_the_noise_of_a_flow_is_measured_once(flow: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
-    """For posing and conclusion, and for all members; nothing of the size of the flow is kept."""
-    measured = []
-
-    def counted(view: View) -> Noise:
-        measured.append(view)
-        return grid_noise(view)
-
-    monkeypatch.setattr(facts, "grid_noise", counted)
-    assert identify(flow, dataclasses.replace(CONFIG, members=3)).members is not None
-    assert len(measured) == 1
-    assert not vars(pose(flow, CONFIG).facts).keys() & set(facts.ARRAYS)
 
 
 def test_the_folder_of_a_member_is_that_of_a_run(flow: Flow, tmp_path: Path) -> None:
@@ -187,35 +153,3 @@ def test_a_member_that_diverges_twice_is_given_up_alone(flow: Flow) -> None:
     for e in (0, 2):
         assert torch.equal(run.trainer.params[e], clean.trainer.params[e])
     assert run.trainer.params.isfinite().all()
-
-
-def test_its_result_says_so(flow: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = TrainingLoop.train
-
-    def train(run: TrainingLoop) -> None:
-        spoil(run, 0, {23, 27})
-        real(run)
-
-    monkeypatch.setattr(TrainingLoop, "train", train)
-    lost, sound = identify_many([flow] * 2, tiny(), [0, 1])
-    assert lost.stopped == "diverged"
-    assert lost.failure is not None
-    assert "the loss became NaN or infinite in step 28" in lost.failure
-    assert (sound.stopped, sound.failure) == ("steps", None)
-
-
-def test_a_batch_ends_with_its_last_member(flow: Flow) -> None:
-    run = make_run(flow, 2)
-    for member in (0, 1):
-        spoil(run, member, {23, 27 + member})
-    run.train()
-    assert run.trainer.diverged.keys() == {0, 1}
-    assert run.trainer.step < 40
-    assert run.trainer.params.isfinite().all()
-
-
-def test_one_value_for_each_member(flow: Flow) -> None:
-    with pytest.raises(ConfigError, match="seeds must have one value for each of 2 flows, got 3"):
-        identify_many([flow] * 2, CONFIG, [0, 1, 2])
-    with pytest.raises(ConfigError, match="at least one flow"):
-        identify_many([], CONFIG)

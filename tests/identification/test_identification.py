@@ -11,25 +11,17 @@ import numpy as np
 import pytest
 import torch
 
-import granpinn
 from granpinn import results
-from granpinn.checks import simulated_pressure
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import read_toml
 from granpinn.data import Flow, FlowFileError, Truth
 from granpinn.fit import case as case_module
 from granpinn.fit import prediction
-from granpinn.fit.case import choose_device, pose
+from granpinn.fit.case import choose_device
 from granpinn.identification.single import identify
-from granpinn.output import OutputError
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.time_limit import Limit
-from tests.runs import make_trainer, tiny
-
-
-def test_the_public_name_is_this_function() -> None:
-    assert granpinn.identify is identify
-    assert granpinn.Config is Config
+from tests.runs import tiny
 
 
 def test_a_notebook_needs_no_folder(flow: Flow, tmp_path: Path, monkeypatch: Any) -> None:
@@ -91,45 +83,9 @@ def test_the_simulated_pressure_is_in_every_file(flow: Flow, tmp_path: Path) -> 
     assert "simulated pressure at 3 times" in result.summary()
 
 
-def test_the_pressure_is_not_simulated_where_nobody_asks(flow: Flow, tmp_path: Path) -> None:
-    result = identify(flow, tiny(simulated_pressure__frames=0), run_dir=tmp_path)
-    assert "simulated_pressure" not in result.checks
-    assert result.error_percent.pressure_simulated is None
-    assert "simulated" not in result.summary()
-    assert "p_simulated" not in results.read_fields(tmp_path / "fields.h5").values
-
-
-def test_a_flow_that_the_simulator_cannot_have_has_no_simulated_pressure(flow: Flow) -> None:
-    assert flow.surface is not None
-    surface = dataclasses.replace(flow.surface, x=flow.surface.x + 5)
-    result = identify(dataclasses.replace(flow, x=flow.x + 5, surface=surface), tiny())
-    assert "simulated_pressure" in result.checks
-    assert "do not stand in the corner" in result.checks["simulated_pressure"].objection
-    assert result.error_percent.pressure is not None
-    assert result.error_percent.pressure_simulated is None
-
-
-def test_a_time_limit_is_one_of_the_simulation_too(
-    flow: Flow, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(simulated_pressure, "EACH_FRAME", 1000.0)
-    result = identify(flow, tiny(max_time=20.0, steps=3, simulated_pressure__frames=12))
-    assert "simulated_pressure" in result.checks
-    assert (
-        result.checks["simulated_pressure"].frames,
-        result.checks["simulated_pressure"].late,
-    ) == ((), 12)
-
-
 def test_the_paper_recipe_runs(flow: Flow) -> None:
     result = identify(flow, Config(recipe="paper", steps=3, network__widths=(9, 7)))
     assert (result.recipe, result.form, result.level) == ("paper", "strong", "V2")
-
-
-def test_epochs_are_passes_over_the_points(flow: Flow) -> None:
-    config = tiny(steps=None, epochs=2)
-    result = identify(flow, config)
-    assert result.timing.steps == 2 * -(-result.data.n_points // config.batch.interior)
 
 
 @pytest.mark.parametrize(
@@ -158,13 +114,6 @@ def test_training_sees_no_truth_and_no_reference_pressure(
     assert one.identity == other.identity
     for name, tensor in one.trainer.tensors().items():
         assert torch.equal(tensor, other.trainer.tensors()[name])
-
-
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_the_equations_are_asked_for_between_vectors_of_any_noise(flow: Flow, share: float) -> None:
-    data = pose(flow, tiny(batch__collocation=share, noise=0.2)).member.data
-    between = round(share * len(data.points))
-    assert between <= len(data.between) <= 1.1 * between  # and some under the surface
 
 
 def test_noise_is_seen_by_the_training_and_not_by_the_scores(
@@ -201,26 +150,9 @@ def test_two_runs_never_mix(flow: Flow, tmp_path: Path) -> None:
     assert (tmp_path / "config.toml").read_text() == before
 
 
-def test_resuming_needs_a_folder(flow: Flow) -> None:
-    with pytest.raises(ConfigError, match="resume needs a run folder"):
-        identify(flow, tiny(resume=True))
-
-
-def test_bad_data_leaves_no_folder(flow: Flow, tmp_path: Path) -> None:
-    with pytest.raises(FlowFileError, match="V1"):
-        identify(dataclasses.replace(flow, surface=None), tiny(), run_dir=tmp_path / "run")
-    assert not (tmp_path / "run").exists()
-
-
 def test_a_flow_that_breaks_a_rule_is_refused(flow: Flow) -> None:
     with pytest.raises(FlowFileError, match="density"):
         identify(dataclasses.replace(flow, density=-1.0), tiny())
-
-
-def test_a_folder_that_is_a_file_is_refused(flow: Flow, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="must be a new or existing folder, got a file"):
-        identify(flow, tiny(), run_dir=tmp_path / "file")
 
 
 def test_devices(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,18 +175,6 @@ def test_devices(monkeypatch: pytest.MonkeyPatch) -> None:
     assert choose_device("auto").type == "cpu"
     with pytest.raises(ConfigError, match="device cuda needs a GPU"):
         choose_device("cuda")
-
-
-def test_the_solution_is_the_average_of_the_end(flow: Flow) -> None:
-    trainer = make_trainer(tiny(optimizer__average=0.25), flow)
-    states = []
-    while not trainer.finished:
-        trainer.advance()
-        states.append((trainer.params[0].clone(), trainer.law_variables.q.clone()))
-    params, theta = trainer.solution()
-    expected = [torch.stack(values).mean(0) for values in zip(*states[30:], strict=True)]
-    torch.testing.assert_close(params, expected[0])
-    torch.testing.assert_close(theta, trainer.law_variables.theta_of(expected[1])[0])
 
 
 @pytest.mark.parametrize(

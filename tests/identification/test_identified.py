@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import pickle
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -21,12 +19,9 @@ from matplotlib.figure import Figure
 
 import granpinn
 from granpinn.data import Flow
-from granpinn.errors import BadInput
 from granpinn.fit.network import FILE, NetworkFileError, read_network
-from granpinn.identification.batch import identify_many
 from granpinn.identification.identified import Identification
-from granpinn.results import FieldsFileError, Result, read_fields, read_results
-from granpinn.training.history import HistoryFileError, read_history
+from granpinn.results import read_fields, read_results
 from tests.flows import make_flow
 from tests.runs import tiny
 
@@ -72,19 +67,6 @@ def test_a_run_folder_brings_network_fields_and_history_back(run: Run) -> None:
         np.testing.assert_array_equal(loaded.history[name], kept.history[name])
 
 
-def test_a_prediction_at_a_grid_point_is_the_field_there(run: Run) -> None:
-    fields, grid = run.result.fields, run.result.grid
-    t, y, x = np.meshgrid(fields.t, fields.y, fields.x, indexing="ij")
-    found = run.result.predict(x, y, t)
-    for name, values in found.items():
-        assert values.shape == grid.shape
-        expected = fields[name].values
-        inside = np.isfinite(expected)
-        np.testing.assert_array_equal(values[inside], expected[inside])
-    assert set(found) == {n for n in grid.values if "reference" not in n} - {"p_simulated"}
-    assert run.result.predict(0.1, 0.2, [0.3, 0.4, 0.5])["p"].shape == (3,)
-
-
 def test_there_is_no_prediction_outside_of_the_grains(run: Run) -> None:
     fields = run.result.fields
     axes = [fields[axis].values for axis in "tyx"]
@@ -106,20 +88,6 @@ def test_there_is_no_prediction_outside_of_the_grains(run: Run) -> None:
             assert np.isnan(run.result.predict(**place | {axis: beyond})["u"])
 
 
-def test_the_time_of_a_steady_flow_does_not_count(run: Run) -> None:
-    grid = run.result.grid
-    frames = dataclasses.replace(grid, t=grid.t[:1], c=grid.c[:1], steady=True)
-    _, j, i = np.argwhere(grid.c[:1] == 1)[0]
-    x, y = grid.x[i], grid.y[j]
-    assert frames.inside(x, y, np.array([-5.0, grid.t[0], 99.0])).tolist() == [True] * 3
-
-
-@pytest.mark.parametrize("place", [("a", 0, 0), ([1, 2], [1, 2, 3], 0), (None, {}, 0)])
-def test_impossible_points_are_refused(run: Run, place: tuple[object, ...]) -> None:
-    with pytest.raises(BadInput, match="x, y and t must be numbers"):
-        run.result.predict(*place)  # type: ignore[arg-type]
-
-
 def test_fields_have_units_and_are_those_of_the_file(run: Run) -> None:
     fields = run.result.fields
     kept = read_fields(run.folder / "fields.h5")
@@ -131,24 +99,6 @@ def test_fields_have_units_and_are_those_of_the_file(run: Run) -> None:
         np.testing.assert_array_equal(fields.p_simulated[k], kept.frame("p_simulated", k))
     np.testing.assert_array_equal(fields.c, kept.c)
     assert fields.attrs["length_scale"] == kept.length
-
-
-def test_history_is_that_of_the_file(run: Run) -> None:
-    expected = read_history(run.folder / "history.csv")
-    assert run.result.history["step"].tolist() == [*range(5, 45, 5)]
-    for name, column in expected.items():
-        np.testing.assert_array_equal(run.result.history[name], column)
-
-
-def test_members_of_a_batch_have_their_own_fields(flow: Flow) -> None:
-    config = tiny(steps=3, optimizer__prefit=0.0, simulated_pressure__frames=1)
-    first, second = identify_many([flow, flow], config, [0, 1])
-    assert isinstance(first, Identification)
-    assert isinstance(second, Identification)
-    for name in ("u", "p", "I"):
-        assert np.isfinite(first.grid.values[name]).all()
-        assert not np.array_equal(first.fields[name], second.fields[name], equal_nan=True)
-    assert "p_simulated" not in second.fields
 
 
 def test_members_are_draws(run: Run) -> None:
@@ -164,34 +114,10 @@ def test_members_are_draws(run: Run) -> None:
         alone.to_arviz()
 
 
-def test_a_changed_copy_has_no_parts(run: Run) -> None:
-    changed = dataclasses.replace(run.result, level="V0")
-    assert changed != run.result
-    for name in ("network", "fields", "history"):
-        with pytest.raises(BadInput, match="changed copy"):
-            getattr(changed, name)
-
-
 def test_a_result_survives_pickling(run: Run) -> None:
     copied = pickle.loads(pickle.dumps(run.result))  # noqa: S301
     assert copied == run.result
     np.testing.assert_array_equal(copied.grid.values["p"], run.result.grid.values["p"])
-
-
-def test_only_the_part_that_is_missing_is_told(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "results.json").write_bytes((run.folder / "results.json").read_bytes())
-    loaded = granpinn.load(tmp_path)
-    assert isinstance(loaded, Result)
-    with pytest.raises(NetworkFileError, match=f"{FILE}: there is no such file"):
-        loaded.predict(0, 0, 0)
-    with pytest.raises(FieldsFileError, match=r"fields.h5 does not exist"):
-        _ = loaded.fields
-    with pytest.raises(HistoryFileError, match=r"history.csv does not exist"):
-        loaded.plot.history()
-    assert loaded.plot.law().get_xscale() == "log"
-
-
-# ---- network.safetensors
 
 
 def edited(content: bytes, **changes: object) -> bytes:
@@ -234,16 +160,6 @@ def test_a_wrong_network_file_is_refused_in_one_sentence(
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("cut", [0, 4, 100, -1])
-def test_a_cut_network_file_is_refused(run: Run, tmp_path: Path, cut: int) -> None:
-    (tmp_path / FILE).write_bytes((run.folder / FILE).read_bytes()[:cut])
-    with pytest.raises(NetworkFileError, match=FILE):
-        read_network(tmp_path / FILE)
-
-
-# ---- figures
-
-
 def test_figures_are_on_the_axes_and_in_the_style_of_the_caller(run: Run, tmp_path: Path) -> None:
     with mpl.rc_context({"font.size": 17.0}):
         figure = Figure()
@@ -257,22 +173,6 @@ def test_figures_are_on_the_axes_and_in_the_style_of_the_caller(run: Run, tmp_pa
     assert (tmp_path / "both.svg").read_text().lstrip().startswith("<?xml")
 
 
-def test_the_first_look_has_law_speed_and_pressure(run: Run) -> None:
-    law, speed, pressure = run.result.plot()
-    assert law.get_ylabel() == r"$\mu(I)$"
-    bars = [ax.get_ylabel() for ax in law.figure.axes[3:]]
-    assert bars == ["$|v|$ [m/s]", "$p$ [units of the file]"]
-    assert speed.get_title() == pressure.get_title() == f"$t$ = {run.flow.t[7]:.4g}"
-    assert len(pyplot.get_fignums()) == 1
-
-
-def test_a_field_is_shown_at_the_nearest_time_that_has_it(run: Run) -> None:
-    first, second = run.result.fields.p_simulated.dropna("t", how="all").t.values
-    assert first < run.flow.t[8] < second
-    (ax,) = run.result.plot.fields(first - 0.1, ["p_simulated"])
-    assert ax.get_title() == f"$t$ = {first:.4g}"
-
-
 def test_every_figure_can_be_drawn(run: Run) -> None:
     plot = run.result.plot
     values, loss = plot.history()
@@ -280,22 +180,3 @@ def test_every_figure_can_be_drawn(run: Run) -> None:
     assert loss.get_yscale() == "log"
     assert plot.residual(0.5).get_title().startswith("$t$ = ")
     assert plot.inertial_number().get_xscale() == "log"
-
-
-def test_impossible_figures_are_refused(run: Run) -> None:
-    with pytest.raises(BadInput, match="names must be among speed, u, v, p.*got 'q'"):
-        run.result.plot.fields(names=["q"])
-    with pytest.raises(BadInput, match="axes must be 2 axes of matplotlib, got 1"):
-        run.result.plot.fields(axes=[Figure().subplots()])
-    with pytest.raises(BadInput, match="ax must be a Axes or None, got str"):
-        run.result.plot.law(ax="here")  # type: ignore[arg-type]
-
-
-# ---- packages
-
-
-def test_identifying_loads_neither_matplotlib_nor_xarray() -> None:
-    code = "import granpinn, sys; granpinn.identify, granpinn.load; "
-    code += "print('matplotlib' in sys.modules, 'xarray' in sys.modules)"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.split() == ["False", "False"]

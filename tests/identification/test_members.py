@@ -13,15 +13,11 @@ import pytest
 from granpinn import identify, identify_many, report, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.fit import case as case_module
-from granpinn.fit.case import member_seed, members, pose
+from granpinn.fit.case import member_seed, pose
 from granpinn.fit.ensemble import measured_noise
-from granpinn.identification import batch
-from granpinn.inspection import Inspection
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import error_bars
-from tests.flows import make_flow
 from tests.identification.test_ensemble import spoil
 from tests.runs import tiny
 
@@ -40,31 +36,6 @@ def test_seeds_are_a_function_of_the_first_and_never_meet() -> None:
     assert member_seed(7, 0) == 7
     assert all(0 <= seed < 2**63 for seed in seeds)
     assert member_seed(4, 1) == 2320338089964231254  # on every machine
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.1])
-def test_members_differ_in_their_seeds_and_share_their_data(noise: float, flow: Flow) -> None:
-    made = members(pose(flow, dataclasses.replace(THREE, noise=noise)))
-    assert [case.member.seed for case in made] == [member_seed(4, k) for k in range(3)]
-    assert all(case.member.data is made[0].member.data for case in made)
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.1])
-def test_a_repeated_flow_of_a_batch_is_checked_once(
-    noise: float, flow: Flow, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    checked: list[Flow] = []
-
-    def check(flow: Flow) -> Inspection:
-        checked.append(flow)
-        return Inspection(flow)
-
-    monkeypatch.setattr(case_module, "refuse_slips", check)
-    configs = [tiny(noise=noise, seed=seed, I0=0.3 - seed / 20, device="cpu") for seed in (0, 1)]
-    made = batch._pose([flow, flow], configs)
-    assert len(checked) == 1
-    assert [case.member.fixed for case in made] == [{"I0": 0.3}, {"I0": 0.25}]
-    assert (made[0].shared is made[1].shared) == (noise == 0)  # their noise differs
 
 
 @pytest.mark.usefixtures("all_settings_tested")
@@ -119,27 +90,6 @@ def test_its_folder_is_that_of_a_run_and_has_a_report(
         identify(flow, dataclasses.replace(THREE, members=2), run_dir=folder)
 
 
-def test_an_ensemble_can_be_resumed(flow: Flow, tmp_path: Path) -> None:
-    first = identify(flow, THREE, run_dir=tmp_path)
-    (tmp_path / "results.json").unlink()
-    again = identify(flow, dataclasses.replace(THREE, resume=True), run_dir=tmp_path)
-    assert again.parameters == first.parameters
-    assert again.members == first.members
-
-
-def test_ensembles_of_many_flows_are_those_of_each(flow: Flow, tmp_path: Path) -> None:
-    other = make_flow(frames=9)
-    config = dataclasses.replace(THREE, members=2, noise=0.05)
-    together = identify_many([flow, other], config, [1, 2], run_dir=tmp_path)
-    for e, (found, one) in enumerate(zip(together, (flow, other), strict=True)):
-        alone = identify(one, dataclasses.replace(config, seed=e + 1))
-        assert (found.parameters, found.members) == (alone.parameters, alone.members)
-        assert found.residuals == alone.residuals
-        folder = tmp_path / f"{e:03d}"
-        assert results.read_results(folder / "results.json").members == found.members
-        assert (folder / "history.csv").exists()
-
-
 def test_a_member_that_diverged_is_left_out(flow: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
     real = TrainingLoop.train
 
@@ -183,16 +133,6 @@ def test_other_settings_than_the_default_have_no_error_bars(flow: Flow) -> None:
         assert name in found.law.reason
 
 
-@pytest.mark.usefixtures("all_settings_tested")
-def test_a_run_that_has_hardly_begun_has_wide_error_bars(flow: Flow) -> None:
-    """It misses the velocity by more than any training of the error model."""
-    found = identify(flow, tiny(steps=3))
-    assert found.error_bars is not None
-    assert any("error of the fitted velocity" in words for words in found.error_bars.outside)
-    assert found.covariance is not None
-    assert found.covariance.matrix[0][0] > (0.05 * found.parameters.mu_s.value) ** 2
-
-
 def test_residuals_are_those_of_the_fit(flow: Flow) -> None:
     """Against the error of the velocity in the file: the same points, but for t = 0 and draws."""
     noisy = identify(flow, tiny(noise=0.3, steps=200, weights__follow_noise=False))
@@ -205,15 +145,3 @@ def test_residuals_are_those_of_the_fit(flow: Flow) -> None:
     seen = noisy.residuals
     assert seen.noise == pytest.approx(seen.velocity, rel=0.25)
     assert measured_noise(pose(flow, tiny(noise=0.3))) == pytest.approx(seen.noise, rel=0.15)
-
-
-def test_checks_of_a_batch_are_known_before_its_training(
-    flow: Flow, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Those that train more networks are left out, and are not pending for ever."""
-    with monkeypatch.context() as patch:
-        patch.setattr(batch, "start", None)
-        with pytest.raises(ConfigError, match="checks must be words"):
-            batch.identify_many([flow], tiny(checks="no_such_check"))
-    (found,) = batch.identify_many([flow], tiny(steps=3, free_I0=True))
-    assert found.not_done == {}

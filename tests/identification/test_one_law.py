@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn import Config, Identification, identify, load, results, simulate
+from granpinn import Identification, identify, load, results, simulate
 from granpinn.command import training_run
 from granpinn.commands.train import parse
 from granpinn.config import ConfigError
@@ -75,23 +75,6 @@ def test_two_collapses_have_one_law(collapses: list[Flow], tmp_path: Path) -> No
     assert again.parameters == found.parameters
 
 
-def test_every_flow_has_a_weight(flow: Flow) -> None:
-    config = tiny(checks="none")
-    both = identify([flow, OTHER], config, one_law=True)
-    alone = [identify(one, config) for one in (flow, OTHER)]
-    for one in alone:
-        assert both.parameters.mu_s.value != one.parameters.mu_s.value
-
-
-def test_one_flow_with_one_law_is_a_single_identification(flow: Flow) -> None:
-    config = tiny(checks="none")
-    alone = identify(flow, config)
-    for found in (identify([flow], config, one_law=True), identify(flow, config, one_law=True)):
-        assert found.parameters == alone.parameters
-        assert found.loss == alone.loss
-        assert found.each == (found,)
-
-
 def test_error_bars_are_those_of_all_flows(flow: Flow) -> None:
     config = tiny(checks="quick")
     found = identify([flow, OTHER], config, one_law=True)
@@ -148,16 +131,6 @@ def test_I0_is_free_where_ranges_determine_it_and_noise_is_small(
     assert one_law.with_free_I0(given) == (given, None)
 
 
-def test_flows_without_error_bars_say_which_flow(
-    flow: Flow, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(error_bars, "untested", lambda config: ["form"])
-    found = identify([flow, OTHER], tiny(checks="none"), one_law=True)
-    assert found.error_bars is None
-    assert found.law.reason is not None
-    assert found.law.reason.startswith("in memory: the error bars are those of the default recipe")
-
-
 def test_the_command_writes_one_result_and_a_page(
     flow: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str], figures: Callable[..., None]
 ) -> None:
@@ -187,11 +160,6 @@ def test_the_command_writes_one_result_and_a_page(
     assert resumed.further_flows == (paths[1],)
 
 
-def test_several_files_need_the_flag() -> None:
-    with pytest.raises(ConfigError, match="got 2: .*one.law"):
-        parse(["a.h5", "b.h5", "--out", "run"])
-
-
 @pytest.mark.parametrize(
     "refused",
     [{"compare_laws": True}, {"free_I0": True}, {"calibrate": True}],
@@ -212,12 +180,6 @@ def test_a_flow_that_determines_nothing_is_refused(
         identify([flow, OTHER], tiny(), one_law=True)
 
 
-@pytest.mark.parametrize("given", [[], [OTHER], [OTHER, OTHER]], ids=len)
-def test_a_list_needs_the_flag(given: list[Flow]) -> None:
-    with pytest.raises(ConfigError, match="one_law=True"):
-        identify(given, Config())
-
-
 def test_a_check_trains_the_flows_apart(flow: Flow) -> None:
     found: Identification = identify([flow, OTHER], tiny(checks="shared_law"), one_law=True)
     assert found.not_done == {}
@@ -227,8 +189,3 @@ def test_a_check_trains_the_flows_apart(flow: Flow) -> None:
     mu = alone.friction_law.friction(np.array(check.flows[1].I), *alone.theta)
     np.testing.assert_allclose(check.flows[1].mu, mu, rtol=1e-6)
     assert check.words in found.summary()
-
-
-def test_a_single_flow_has_no_law_to_share(flow: Flow) -> None:
-    found = identify(flow, tiny(checks="shared_law"))
-    assert "got one flow" in found.not_done["shared_law"]

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from torch import Tensor
 
 import granpinn
@@ -37,28 +36,6 @@ def forget() -> Iterator[None]:
     LAWS.update(known)
 
 
-# ---- the law -------------------------------------------------------------------------------------
-
-
-def test_its_curve_for_numbers_arrays_and_tensors() -> None:
-    law = laws.Law("linear", linear, UNKNOWNS)
-    I = np.array([0.0, 0.1, 0.5])
-    np.testing.assert_allclose(law.friction(I, 0.3, 2.0), 0.3 + 2 * I)
-    np.testing.assert_allclose(law.slope(I, 0.3, 2.0), 2 * I)
-    assert law.friction(0.1, 0.3, 2.0) == pytest.approx(0.5)
-    theta = torch.tensor([0.3, 2.0], dtype=torch.float64, requires_grad=True)
-    mu = law.friction(torch.tensor(I), *theta)
-    (slope,) = torch.autograd.grad(mu.sum(), theta)
-    assert slope.tolist() == pytest.approx([3, 0.6])
-    assert (law.names, law.free, law.title) == (("mu_s", "b"), ("mu_s", "b"), "linear")
-
-
-def test_a_friction_without_I_is_a_law() -> None:
-    law = laws.Law("flat", lambda i, theta: theta[0], UNKNOWNS[:1])
-    assert law.friction(np.ones(3), 0.4).tolist() == [0.4] * 3
-    assert law.slope(np.ones(3), 0.4).tolist() == [0] * 3
-
-
 @pytest.mark.parametrize(
     ("mu", "unknowns", "sentence"),
     [
@@ -83,15 +60,6 @@ def test_a_law_that_cannot_be_used_says_why(
         laws.Law("own", mu, unknowns)
 
 
-def test_names_and_bounds_are_checked() -> None:
-    with pytest.raises(laws.LawError, match="one word"):
-        laws.Law("my law", linear, UNKNOWNS)
-    with pytest.raises(laws.LawError, match="positive and ascending, got .0.0, 1.0"):
-        laws.Parameter("a", 0.5, bounds=(0.0, 1.0))
-    with pytest.raises(laws.LawError, match="is a law of granpinn"):
-        laws.register(laws.Law("coulomb", linear, UNKNOWNS))
-
-
 def test_a_law_is_known_once_it_is_registered() -> None:
     with pytest.raises(ConfigError, match="law must be one of mu_of_i, coulomb, .*got 'linear'"):
         Config(law="linear")
@@ -99,9 +67,6 @@ def test_a_law_is_known_once_it_is_registered() -> None:
         laws.register(law)
         assert LAWS["linear"] is law
     assert Config(law="linear").law == "linear"
-
-
-# ---- the identification --------------------------------------------------------------------------
 
 
 def test_from_python_to_the_files_of_a_run(tmp_path: Path, figures: Callable[..., None]) -> None:
@@ -131,12 +96,6 @@ def test_from_python_to_the_files_of_a_run(tmp_path: Path, figures: Callable[...
     del LAWS["linear"]
     with pytest.raises(ResultsFileError, match=r"or a law that granpinn.laws.register was given"):
         read_results(tmp_path / "results.json")
-
-
-def test_the_strong_form_needs_kernels() -> None:
-    law = laws.Law("linear", linear, UNKNOWNS)
-    with pytest.raises(ConfigError, match="form strong needs a law of granpinn"):
-        granpinn.identify(make_flow(), Config(**SETTINGS, form="strong"), law=law)
 
 
 def test_an_ensemble_and_its_assumptions(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ from granpinn import identify
 from granpinn.fit import assumptions
 from granpinn.fit.case import pose
 from granpinn.results import Result
-from granpinn.training.progress import Silent
 from tests.flows import make_channel, make_chute
 from tests.runs import tiny
 
@@ -19,7 +18,7 @@ RANGE = np.array([0.05, 0.1, 0.2])  # I of the flow: 0.04 to 0.3
 
 def identified(friction: float, sd: float = 0.0) -> Result:
     settings = {
-        "steps": 8000,
+        "steps": 4000,
         "network__widths": (32, 32),
         "batch__interior": 256,
         "batch__surface": 16,
@@ -34,23 +33,6 @@ def identified(friction: float, sd: float = 0.0) -> Result:
 
 def mu(mu_s: float, mu_2: float, I0: float) -> np.ndarray:
     return mu_s + (mu_2 - mu_s) / (1 + I0 / RANGE)
-
-
-class Notes(Silent):
-    """Keeps the messages of a run."""
-
-    def __init__(self) -> None:
-        self.texts: list[str] = []
-
-    def message(self, text: str) -> None:
-        self.texts.append(text)
-
-
-@pytest.mark.parametrize(("friction", "said"), [(FRICTION, True), (0.0, False)])
-def test_a_training_says_what_friction_it_takes(friction: float, said: bool) -> None:
-    notes = Notes()
-    identify(make_channel(rows=14), tiny(side_walls__friction=friction), progress=notes)
-    assert ("side walls: their friction 0.3 is in the equations" in notes.texts) == said
 
 
 def test_the_friction_of_the_walls_is_told_from_that_of_the_grains() -> None:

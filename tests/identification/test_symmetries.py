@@ -10,22 +10,14 @@ import numpy as np
 import pytest
 
 from granpinn import results
-from granpinn.checks.resimulation import resimulate
 from granpinn.commands.train import main
-from granpinn.config import Config
 from granpinn.data import Flow, add_noise, write_flow
 from granpinn.fit.case import pose
-from granpinn.identification.batch import identify_many
 from granpinn.identification.single import identify
-from granpinn.physics.laws import DEFAULT
 from granpinn.results import read_fields
 from granpinn.results.zones import after_start
-from granpinn.second_opinion.simulated_pressure import usable_frames
 from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.progress import Silent
-from granpinn.uncertainty.error_bars import judge
-from granpinn.uncertainty.error_model import Known
-from tests.examples import make_result
 from tests.flows import make_chute, make_flow
 from tests.runs import tiny
 
@@ -90,57 +82,6 @@ def test_a_film_of_a_steady_flow_trains_on_its_mean(tmp_path: Path, seed: int) -
     assert {n: p.value for n, p in same.parameters.items()} == {
         n: p.value for n, p in found.parameters.items()
     }
-
-
-def test_frames_before_zero_are_scored_in_a_steady_flow() -> None:
-    flow = make_chute(frames=2)
-    early = identify(dataclasses.replace(flow, t=flow.t - 100, surface=None), tiny(level="V0"))
-    assert early.error_percent.velocity is not None
-    assert early.inertial_number is not None
-
-
-@pytest.mark.filterwarnings("ignore:.*stated as steady")
-def test_flows_of_all_kinds_share_a_batch() -> None:
-    flows = [make_chute(), make_flow(attributes={"steady": 1}), make_flow()]
-    found = identify_many(flows, tiny(), noise=[0.05, 0.0, 0.0])
-    assert [result.data.symmetries for result in found] == [BOTH, BOTH[1:], ()]
-
-
-def test_members_with_noise_share_the_problem() -> None:
-    result = identify(make_chute(), tiny(members=4, noise=0.02))
-    assert result.data.symmetries == BOTH
-
-
-REASONS: dict[str, tuple[Callable[[], Flow], str]] = {
-    "steady": (
-        lambda: make_flow(attributes={"steady": 1}),
-        "the flow is steady, and the simulator has only grains that start from rest",
-    ),
-    "periodic": (
-        lambda: make_flow(attributes={"period_x": 3.0}),
-        "the flow changes along x, and a layer of the simulator is even",
-    ),
-}
-
-
-@pytest.mark.parametrize(("make", "words"), REASONS.values(), ids=REASONS.keys())
-def test_the_simulator_says_why_it_has_no_such_flow(make: Callable[[], Flow], words: str) -> None:
-    flow = make()
-    for found in (resimulate(flow, DEFAULT, (0.4, 0.64, 0.3)).objection, usable_frames(flow)):
-        assert isinstance(found, str)
-        assert words in found
-
-
-@pytest.mark.parametrize("real", [True, False])
-def test_simulated_collapses_say_nothing_of_a_simulated_chute(real: bool) -> None:
-    """Of real grains flows of all kinds were tested."""
-    example = make_result()
-    assert example.members is not None
-    known = Known((0.1, 0.3), (0.4, 0.64), real=real)
-    found = judge(example.members, example.residuals, known, Config(), False, BOTH)
-    assert found.bars is not None
-    words = ("a flow that is the same along x", "a flow that is steady")
-    assert found.bars.outside == (() if real else words)
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,19 +17,13 @@ from tests.importers.test_simulation_files import basilisk
 from tests.importers.test_surface import PHYSICAL, in_pixels
 
 GRAINS = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
+
 QUIET = {"surface": "none", "flip_y": "no"}
 
 
 def lines(path: Path, *content: str) -> str:
     path.write_text("\n".join(content) + "\n")
     return str(path)
-
-
-def head_of(path: Path, old: str, new: str) -> Path:
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
-    return path
 
 
 def series(folder: Path) -> list[Path]:
@@ -75,23 +68,6 @@ def test_times_that_can_be_read_in_two_ways_are_refused(tmp_path: Path, name: st
         read(series(tmp_path), times=lines(tmp_path / "times.csv", *content), **CAMERA)
 
 
-def test_pixels_of_a_line_are_pixels_where_vectors_are_in_millimeters(tmp_path: Path) -> None:
-    """And the numbers of frames are none where vectors have times."""
-    given = arrays(**UNITS) | MATERIAL | {"scale": "2 mm/px"}
-    line = lines(tmp_path / "a.csv", "t,x [px],y", "0.1,100,200", "1,100,200")
-    surface = read_flow(given, line).surface
-    assert surface is not None
-    np.testing.assert_allclose([surface.x, surface.y], [[0.2] * 2] * 2)
-    line = lines(tmp_path / "b.csv", "frame,x,y", "0,100,200", "1,100,200")
-    with pytest.raises(DataFileError, match="frame must be a time, as the vectors have times, got"):
-        read_flow(given, line)
-
-
-def read_flow(given: dict[str, Any], line: str) -> Any:
-    settings = {k: v for k, v in given.items() if k in {*MATERIAL, "scale"}}
-    return read({k: v for k, v in given.items() if k not in settings}, surface=line, **settings)
-
-
 NO_SURFACE = {
     "decimal commas": (["frame,x [mm],y [mm]", "0,1,5,6,5"], "expected 3 cells as above, got 5"),
     "x twice": (["t,x,x_position,y", "0,1,2,3"], "must have one column for x, got x, x_position"),
@@ -106,14 +82,6 @@ def test_points_that_can_be_read_in_two_ways_are_refused(tmp_path: Path, name: s
     line = lines(tmp_path / "line.csv", *content)
     with pytest.raises(DataFileError, match=message):
         read(in_pixels(), **PHYSICAL | {"surface": line})
-
-
-def test_walls_in_units_of_another_kind_are_refused(tmp_path: Path) -> None:
-    settings = PHYSICAL | {"surface": "none"}
-    for head, message in (("p [mm]", "must be a unit of pressure"), ("slip [s]", "without a unit")):
-        path = lines(tmp_path / "c.csv", f"x,y,{head}", "0,8,1", "90,8,1")
-        with pytest.raises(DataFileError, match=message):
-            read(in_pixels(), walls=path, **settings)
 
 
 @pytest.mark.parametrize(
@@ -134,19 +102,6 @@ def test_headers_that_do_not_name_the_columns_are_refused(
         read_vectors(scene.write_lines(path, [first, second, head, *rows]))
 
 
-def test_fields_of_a_simulation_are_chosen_by_one_name(tmp_path: Path) -> None:
-    path = basilisk(tmp_path / "a.txt")
-    head_of(path, "4:p", "4:c")
-    with pytest.raises(DataFileError, match="must have one column for c, got f, c"):
-        read_vectors(path)
-    named = read_vectors(path, options={"names": {"c": "f"}})
-    assert named.c is not None
-    with pytest.raises(DataFileError, match="fields must name some of u, v, c, p"):
-        read(path, fields="c=f,c=c", **GRAINS)
-    with pytest.raises(DataFileError, match="must have the columns phi, got"):
-        read_vectors(path, options={"names": {"c": "phi"}})
-
-
 @pytest.mark.parametrize(
     ("scale", "offset", "cause"),
     [(100, 0, "per cent"), (255, 0, "grey levels"), (1.01, 0, "solver"), (1, -1.2, "solver")],
@@ -164,13 +119,6 @@ def test_a_fraction_beyond_0_and_1_is_refused(
     changed = [[*r[:2], str(float(r[2]) * scale + offset), *r[3:]] if r else r for r in cells]
     with pytest.raises(DataFileError, match=f"c must be a volume fraction.*{cause}"):
         read_vectors(scene.write_lines(path, [rows[0], *map(" ".join, changed)]))
-
-
-def test_rounding_beyond_0_and_1_is_none() -> None:
-    given = arrays()
-    rounded = given["c"] * (1 + 5e-7) - 2e-7
-    flow = granpinn.flow(**given | {"c": rounded}, **UNITS, **MATERIAL)
-    np.testing.assert_array_equal(flow.c == 1, given["c"] == 1)
 
 
 @pytest.mark.parametrize(

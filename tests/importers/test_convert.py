@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +9,16 @@ import numpy as np
 import pytest
 
 from granpinn import Config, identify
-from granpinn.command.conversion import parse
-from granpinn.commands.convert import main, parser
+from granpinn.commands.convert import main
 from granpinn.config import Network
 from granpinn.data import FlowFileWarning, read_flow
-from granpinn.importers import DataFileError, Settings, Validity, read, read_vectors
+from granpinn.importers import DataFileError, Validity, read, read_vectors
 from tests.importers import scene
 from tests.importers.test_pivlab_text import export
-from tests.importers.test_simulation_files import basilisk
 from tests.importers.test_tracks import motion, write_csv
 
 MATERIAL = ["--grain-diameter", "2 mm", "--grain-density", "2500 kg/m^3", "--solid-fraction", "0.6"]
+
 CAMERA = ["--scale", "0.5 mm/px", "--frame-rate", "500 Hz"]
 
 
@@ -68,18 +65,6 @@ def test_interpolated_vectors_are_used_only_if_asked_for(tmp_path: Path, series:
     np.testing.assert_array_equal(used, np.isin(codes, (Validity.VALID, Validity.INTERPOLATED)))
 
 
-def test_frames_times_and_delay(tmp_path: Path, series: list[str]) -> None:
-    """Pairs 1 ms apart, taken at times of a file of its own; the first pair is left out."""
-    (tmp_path / "times.txt").write_text("t [ms]\n10\n25\n60\n")
-    more = ["--times", tmp_path / "times.txt", "--pulse-delay", "1 ms", "--frames", "1:"]
-    out = tmp_path / "flow.h5"
-    assert run(*series, "--out", out, "--scale", "0.5 mm/px", *more, *MATERIAL) == 0
-    flow = read_flow(out)
-    np.testing.assert_allclose(flow.t, [0.025, 0.06])
-    u = scene.velocity()[0][1:, ::-1]
-    np.testing.assert_allclose(flow.u[flow.valid], 0.5 * u[flow.valid], rtol=1e-6)
-
-
 def test_times_from_names(tmp_path: Path) -> None:
     files = [export(tmp_path / f"run2_t{t}.txt", k) for k, t in enumerate(("0.10", "0.9", "1.5"))]
     settings = {"scale": "1 mm/px", "pulse_delay": "1 ms", "time_unit": "s"}
@@ -117,27 +102,6 @@ def test_tracks_end_in_a_particle_file_that_can_be_trained_on(tmp_path: Path) ->
     result = identify(out, small, run_dir=tmp_path / "run")
     assert result.data.n_points == 150 * 11  # without the frame at t = 0
     assert result.data.n_surface > 100
-
-
-def test_dimensionless_simulation(tmp_path: Path) -> None:
-    fields = read_vectors([export(tmp_path / f"a{k}.txt", k, header=False) for k in range(3)])
-    flow = read(fields, dimensionless=True, grain_diameter="0.1", frame_rate="4", start="0.5")
-    np.testing.assert_allclose(flow.t, [0.5, 0.75, 1.0])
-    assert (flow.length_unit, flow.gravity, flow.density) == ("1", (0.0, -1.0), 1.0)
-    assert flow.density_unit is None
-    with pytest.raises(DataFileError, match="dimensionless contradicts the files"):
-        read(export(tmp_path / "a0.txt"), dimensionless=True, grain_diameter="1")
-
-
-def test_side_walls_and_sigma(tmp_path: Path, series: list[str], capsys: Any) -> None:
-    out = tmp_path / "flow.h5"
-    more = ["--wall-gap", "20 mm", "--sigma", "0.1 px/frame", "--note", "glass beads"]
-    assert run(*series, "--out", out, *CAMERA, *MATERIAL, *more) == 0
-    assert "side walls: the grains are" in capsys.readouterr().out
-    flow = read_flow(out)
-    assert flow.attributes["wall_gap"] == 0.02
-    assert flow.attributes["note"] == "glass beads"
-    assert flow.sigma_u == pytest.approx(0.1 * 0.5e-3 * 500)
 
 
 def test_the_window_is_kept_in_meters(series: list[str]) -> None:
@@ -233,26 +197,6 @@ def test_wrong_input_is_one_sentence(
     assert not (tmp_path / "f.h5").exists()
 
 
-def test_settings_in_python_are_checked() -> None:
-    with pytest.raises(DataFileError, match="unknown setting scael: did you mean scale"):
-        read({}, scael="1")
-    with pytest.raises(DataFileError, match="scale must be text such as"):
-        Settings(scale=0.12)  # type: ignore[arg-type]
-    with pytest.raises(DataFileError, match="Settings.track_window must be a whole number"):
-        Settings(track_window=2.5)  # type: ignore[arg-type]
-
-
-def test_help_teaches() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "granpinn.convert", "--help"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    for word in ("examples:", "--scale", "plumb line", "pivlab-mat", "docs/guides/importing.md"):
-        assert word in done.stdout
-
-
 def test_unknown_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("hello world\n")
     with pytest.raises(DataFileError, match="is of no known format: name it with format"):
@@ -263,47 +207,6 @@ def test_unknown_files_are_refused(tmp_path: Path) -> None:
     export(tmp_path / "c.csv")
     with pytest.raises(DataFileError, match="holds files of several kinds"):
         read_vectors(tmp_path)
-
-
-def test_basilisk_series_keeps_its_pressure(tmp_path: Path) -> None:
-    """Times from the names; u, v, c and p of a simulation without units arrive unchanged."""
-    for k, t in enumerate(("0.10", "0.20", "1.00")):
-        basilisk(tmp_path / f"out-{t}.txt", k)
-    names = ["--dimensionless", "--times", "name", "--grain-diameter", "0.5", "--gravity", "2"]
-    out = tmp_path / "flow.h5"
-    flow = read(str(tmp_path / "out-*.txt"), **_settings(names))
-    assert run(tmp_path / "out-0.10.txt", tmp_path / "out-1.00.txt", "--out", out, *names) == 0
-    np.testing.assert_allclose(flow.t, [0.1, 0.2, 1.0])
-    assert flow.gravity == (0.0, -2.0)
-    assert flow.p is not None
-    assert (flow.p[flow.c == 1] == 2.5).all()
-    np.testing.assert_allclose(read_flow(out).t, [0.1, 1.0])
-    physical = {**PLAIN, "length_unit": "m", "time_unit": "s", "velocity_unit": "m/s"}
-    assert read(str(tmp_path / "out-*.txt"), times="name", surface="none", **physical).p is None
-
-
-PLAIN = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
-
-
-def _settings(flags: list[str]) -> dict[str, Any]:
-    """The settings of a command line."""
-    return parse(parser(), ["a", "--out", "b.h5", *flags])[2]
-
-
-def test_files_that_hold_the_same_time(tmp_path: Path) -> None:
-    """Some programs write no true times: they can be counted, or given."""
-    vectors = {"y": scene.Y_DOWN, "x": scene.X, "u": 1 + scene.velocity()[0][:1]}
-    units = {"length_unit": "mm", "time_unit": "s", "velocity_unit": "mm/s"}
-    for k in range(3):
-        np.savez(tmp_path / f"a{k}.npz", t=[7.5], v=vectors["u"], **vectors, **units)
-    files = str(tmp_path / "a*.npz")
-    with pytest.raises(DataFileError, match="times that increase with their names, got 7.5 and 7"):
-        read(files, surface="none", **PLAIN)
-    counted = read(files, surface="none", time_unit="frame", frame_rate="10 Hz", **PLAIN)
-    np.testing.assert_allclose(counted.t, [0.05, 0.15, 0.25])
-    (tmp_path / "times.txt").write_text("t [ms]\n1\n2\n4\n")
-    given = read(files, surface="none", times=str(tmp_path / "times.txt"), **PLAIN)
-    np.testing.assert_allclose(given.t, [1e-3, 2e-3, 4e-3])
 
 
 def test_a_flow_file_needs_no_conversion(tmp_path: Path, series: list[str], capsys: Any) -> None:

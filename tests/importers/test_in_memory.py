@@ -34,13 +34,6 @@ def dataset() -> Any:
     return found
 
 
-def test_arrays_without_units() -> None:
-    plain = {name: getattr(HEAP, name) for name in ("t", "y", "x", "u", "v", "c")}
-    flow = granpinn.flow(**plain, dimensionless=True, grain_diameter="0.025")
-    assert (flow.length_unit, flow.grain_diameter, flow.gravity) == ("1", 0.025, (0, -1))
-    np.testing.assert_array_equal(flow.u, HEAP.u)
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -65,16 +58,3 @@ def test_what_cannot_be_used_is_refused_in_one_sentence(
         granpinn.flow(**given)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
-
-
-def test_data_sets_and_arrays_are_not_mixed() -> None:
-    data = dataset()
-    for given in (
-        lambda: granpinn.flow(data, u=HEAP.u, **MATERIAL),
-        lambda: granpinn.flow(HEAP.u, **MATERIAL),
-        lambda: granpinn.flow(u=data.u, v=HEAP.v, **MATERIAL),
-        lambda: granpinn.flow(u=data.u, v=data.v.rename(x="z"), **MATERIAL),
-    ):
-        with pytest.raises(DataFileError) as error:
-            given()
-        assert "\n" not in str(error.value)

@@ -65,36 +65,6 @@ def _cloud(made: Any) -> Any:
     return cloud
 
 
-def test_coordinates_that_are_not_finite(tmp_path: Path) -> None:
-    grid = mesh(0, scene.PIXELS).cast_to_unstructured_grid()
-    grid.points[3, 0] = -np.inf
-    grid.save(tmp_path / "a.vtu")
-    with pytest.raises(DataFileError, match="must have finite coordinates, got nan or inf in"):
-        read_vectors(tmp_path / "a.vtu")
-
-
-def test_scattered_points_and_other_meshes(tmp_path: Path) -> None:
-    cloud = mesh(0, scene.PIXELS, kind="vtp", at="points")
-    vectors = cloud.point_data["U"]
-    some = pyvista.PolyData(cloud.points[::2][:17])
-    some.point_data["U"] = vectors[::2][:17] + 1
-    some.save(tmp_path / "b.vtp")
-    assert read_vectors(tmp_path / "b.vtp").scattered
-    cloud.point_data.clear()
-    cloud.point_data["T"] = vectors[:, 0]
-    cloud.save(tmp_path / "c.vtp")
-    with pytest.raises(DataFileError, match="must hold one velocity, got T: name it with fields"):
-        read_vectors(tmp_path / "c.vtp")
-    deep = pyvista.ImageData(dimensions=(4, 4, 5))
-    deep.cell_data["U"] = np.ones((deep.n_cells, 3))
-    deep.save(tmp_path / "d.vti")
-    with pytest.raises(DataFileError, match="must be flat, got 4 layers in z"):
-        read_vectors(tmp_path / "d.vti")
-    (tmp_path / "e.vtk").write_text("# vtk DataFile Version 3.0\nnothing\n")
-    with pytest.raises(DataFileError, match=r"e.vtk"):
-        read_vectors(tmp_path / "e.vtk")
-
-
 @pytest.mark.parametrize(
     ("fields", "names", "message"),
     [

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.commands.convert import main
 from granpinn.data import FlowFileWarning
 from granpinn.importers import DataFileError, Validity, read_vectors
 from granpinn.importers.vectors import warn_of_zeros
@@ -40,6 +39,7 @@ def openpiv(
 
 
 PIXEL = {"px": "pixel", "px/frame": "pixel"}
+
 INSIGHT = scene.View("mm", "mm", up=True)
 
 
@@ -164,13 +164,3 @@ def test_wrong_input_is_refused(tmp_path: Path, write: Any, change: Any, message
     with pytest.raises(DataFileError, match=message) as caught:
         read_vectors(path)
     assert "\n" not in str(caught.value)
-
-
-def test_a_mask_that_is_made_of_gaps_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    files = [str(davis(tmp_path / f"B{k}.txt", k)) for k in range(scene.FRAMES)]
-    material = ["--grain-diameter", "2 mm", "--grain-density", "2500 kg/m^3"]
-    more = ["--solid-fraction", "0.6", "--frame-rate", "9 Hz", "--out", str(tmp_path / "f.h5")]
-    assert main([*files, *material, *more]) == 0
-    assert "the free surface is the edge of the vectors" in capsys.readouterr().out

@@ -132,18 +132,6 @@ def test_calibrated_without_a_time_step(
     assert (fields.length_unit, fields.velocity_unit) == ("m", unit)
 
 
-@WRITERS
-def test_unfiltered_frames_are_taken_as_they_are(tmp_path: Path, write: Writer) -> None:
-    variables = all_frames()
-    for name in ("u", "v", "typevector"):
-        variables[f"{name}_filtered"][1, 0] = np.empty((0, 0))
-    fields = read_vectors(write(tmp_path / "a.mat", variables))
-    u = scene.velocity()[0]
-    there = fields.usable[1]
-    np.testing.assert_allclose(fields.u[1][there], 9 + u[1][there])
-    np.testing.assert_allclose(fields.u[2][fields.usable[2]], u[2][fields.usable[2]])
-
-
 def _transposed(variables: dict[str, Any]) -> None:
     variables["u_filtered"][1, 0] = variables["u_filtered"][1, 0].T
 
@@ -184,32 +172,6 @@ def test_wrong_content_is_refused(
     change(variables)
     with pytest.raises(DataFileError, match=message):
         read_vectors(write(tmp_path / "a.mat", variables))
-
-
-@WRITERS
-def test_something_else_is_refused(tmp_path: Path, write: Writer) -> None:
-    with pytest.raises(DataFileError, match="must hold x, y and u, v or u_original, or results"):
-        read_vectors(write(tmp_path / "a.mat", {"image": np.ones((4, 4))}))
-    path = write(tmp_path / "b.mat", all_frames())
-    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
-    with pytest.raises(
-        DataFileError, match="b.mat: (it cannot be read by scipy|the file is damaged)"
-    ) as caught:
-        read_vectors(path)
-    assert "\n" not in str(caught.value)
-    (tmp_path / "c.mat").write_bytes(b"MATLAB nothing")
-    with pytest.raises(DataFileError, match="c.mat: it cannot be read by scipy"):
-        read_vectors(tmp_path / "c.mat")
-
-
-def test_links_to_other_files_are_not_followed(tmp_path: Path) -> None:
-    path = version_73(tmp_path / "a.mat", one_frame())
-    with h5py.File(path, "a") as file:
-        del file["u"]
-        file["u"] = h5py.ExternalLink("other.h5", "/u")
-        file["u2"] = 1
-    with pytest.raises(DataFileError, match="u must be stored in the file itself"):
-        read_vectors(path)
 
 
 def types_in_one_frame(m: dict[str, Any]) -> None:

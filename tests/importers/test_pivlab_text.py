@@ -125,19 +125,3 @@ def test_wrong_input_is_refused(tmp_path: Path, change: Any, message: str) -> No
     with pytest.raises(DataFileError, match=message) as caught:
         read_vectors(path)
     assert "\n" not in str(caught.value)
-
-
-def test_mixed_grids_and_formats_are_refused(tmp_path: Path) -> None:
-    one = export(tmp_path / "a1.txt")
-    other = export(tmp_path / "a2.txt", 1, view=scene.METERS)
-    with pytest.raises(DataFileError, match="a2.txt must have the length unit px of .*, got m"):
-        read_vectors([one, other])
-    text = export(tmp_path / "a3.txt", 1).read_text().replace("80,", "81,")
-    (tmp_path / "a3.txt").write_text(text)
-    with pytest.raises(DataFileError, match="a3.txt must have the grid of"):
-        read_vectors([one, tmp_path / "a3.txt"])
-    np.savez(tmp_path / "a4.npz", t=[0])
-    with pytest.raises(DataFileError, match="in the format pivlab like the files before it"):
-        read_vectors([one, tmp_path / "a4.npz"])
-    with pytest.raises(DataFileError, match="t must have every value once|frame numbers that inc"):
-        read_vectors([export(tmp_path / "b1.txt", 1), export(tmp_path / "b2.txt", 1)])

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.data import FlowFileWarning, check_flow
 from granpinn.importers import DataFileError, read
 
 MATERIAL: dict[str, Any] = {"dimensionless": True, "grain_diameter": "0.1"}
@@ -18,20 +17,6 @@ T, X, Y = np.repeat([0.5, 1.0, 1.5], N // 3), RNG.uniform(0, 4, N), RNG.uniform(
 
 def arrays(**changes: Any) -> dict[str, Any]:
     return {"t": T, "x": X, "y": Y, "u": 1 + X, "v": -1 - Y, **changes}
-
-
-def test_full_cells_are_particles_and_cut_ones_the_surface() -> None:
-    c = np.clip((2 - Y) / 0.4 + 0.5, 0, 1)
-    flow = read(arrays(c=c), **MATERIAL)
-    check_flow(flow)
-    assert flow.particles is not None
-    assert flow.particles.t.size == (c == 1).sum()
-    assert flow.surface is not None
-    assert np.abs(flow.surface.y - 2).max() < 0.1
-    assert read(arrays(c=c), surface="none", **MATERIAL).surface is None
-    outside = arrays(c=np.where(c == 1, 1.0, 0.0))
-    with pytest.warns(FlowFileWarning, match="the free surface is not known"):
-        assert read(outside, **MATERIAL).surface is None
 
 
 def test_standard_deviations_go_with_their_vectors() -> None:
@@ -49,12 +34,6 @@ def test_standard_deviations_go_with_their_vectors() -> None:
     assert one.particles is not None
     assert one.particles.sigma_u is None
     assert one.sigma_v == 0.2
-
-
-def test_frames_are_chosen_by_their_time() -> None:
-    flow = read(arrays(), surface="none", frames="1:3", **MATERIAL)
-    assert flow.particles is not None
-    np.testing.assert_array_equal(np.unique(flow.particles.t), [1.0, 1.5])
 
 
 @pytest.mark.parametrize(

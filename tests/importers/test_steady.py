@@ -45,19 +45,3 @@ def test_tracks_of_one_time(tmp_path: Path) -> None:
     assert flow.steady
     with pytest.raises(DataFileError, match="leave at least two frames"):
         read(str(tmp_path / "tracks.csv"), frames="5:6", **settings)
-
-
-@pytest.mark.parametrize(
-    "name", ["surface_sd", "wall_gap", "grid_spacing_of_solver", "averaging_length_of_solver"]
-)
-def test_lengths_of_the_flow_file(name: str, tmp_path: Path, capsys: Any) -> None:
-    """They are lengths like any other; what is no length is refused."""
-    file, out = export(tmp_path / "mean.txt", 0), tmp_path / "flow.h5"
-    steady, flag = [*CAMERA, *MATERIAL, "--steady"], "--" + name.replace("_", "-")
-    assert run(file, "--out", out, *steady, flag, "0.4 mm") == 0
-    assert read_flow(out).attributes[name] == pytest.approx(4e-4)
-    assert run(file, "--out", tmp_path / "none.h5", *steady) == 0
-    assert name not in read_flow(tmp_path / "none.h5").attributes
-    for wrong in ("0.4", "2 kg", "-1 mm"):
-        assert run(file, "--out", tmp_path / "wrong.h5", *steady, flag, wrong) == 2
-        assert flag in capsys.readouterr().err

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, FlowFileWarning, check_flow
+from granpinn.data import FlowFileWarning, check_flow
 from granpinn.importers import DataFileError, Validity, read
 from granpinn.importers.surface import from_fraction
 
@@ -90,10 +90,6 @@ def test_up_is_against_gravity(gravity: tuple[float, float], axis: str) -> None:
     np.testing.assert_array_equal(np.unique(getattr(surface, axis)), [expected])
 
 
-def test_nothing_above_is_no_surface() -> None:
-    assert from_fraction(np.ones((2, 8, 10)), T[:2], Y, X, DOWN) is None
-
-
 def masked() -> dict[str, Any]:
     codes = np.where(C > 0.5, Validity.VALID, Validity.MASKED)
     codes[1, 0, 2] = Validity.INVALID
@@ -138,20 +134,6 @@ PHYSICAL: dict[str, Any] = {
 }
 
 
-def test_mask_images(tmp_path: Path) -> None:
-    """For files that do not say their units, such as OpenPIV's; one image for all frames."""
-    for k in range(3):
-        write_image(tmp_path / f"m{k}.png", np.kron(C[k, ::-1] > 0.5, np.ones((10, 10))) > 0)
-    unknown = in_pixels(length_unit=None, velocity_unit=None)
-    unknown = {name: value for name, value in unknown.items() if value is not None}
-    units = {"length_unit": "px", "velocity_unit": "px/frame"}
-    flow = read(unknown, mask=str(tmp_path / "m*.png"), **units, **PHYSICAL)
-    np.testing.assert_array_equal(flow.c, C > 0.5)
-    one = write_image(tmp_path / "one.png", np.ones((80, 100)))
-    with pytest.warns(FlowFileWarning, match="the free surface is not known"):
-        assert (read(in_pixels(), mask=one, **PHYSICAL).c == 1).all()
-
-
 def test_wrong_mask_images_are_refused(tmp_path: Path) -> None:
     small = write_image(tmp_path / "small.png", np.ones((40, 100)))
     with pytest.raises(DataFileError, match="must cover the vectors, got 40 pixels along y"):
@@ -167,22 +149,6 @@ def test_wrong_mask_images_are_refused(tmp_path: Path) -> None:
         read(in_pixels(length_unit="mm"), mask=small, **PHYSICAL)
 
 
-def test_masks_in_layers_are_refused(tmp_path: Path) -> None:
-    """A stack is not its first image."""
-    from PIL import Image
-
-    grains = np.kron(C[1, ::-1] > 0.5, np.ones((10, 10))) > 0
-    clear = Image.fromarray(np.full((80, 100), 255, np.uint8))
-    clear.putalpha(Image.fromarray(np.where(grains, 255, 0).astype(np.uint8)))
-    clear.save(tmp_path / "a.png")
-    with pytest.raises(DataFileError, match="it is partly transparent"):
-        read(in_pixels(), mask=str(tmp_path / "a.png"), **PHYSICAL)
-    pages = [Image.fromarray(np.full((80, 100), v, np.uint8)) for v in (200, 3)]
-    pages[0].save(tmp_path / "s.tif", save_all=True, append_images=pages[1:])
-    with pytest.raises(DataFileError, match="it holds 2 images, save each in a file"):
-        read(in_pixels(), mask=str(tmp_path / "s.tif"), **PHYSICAL)
-
-
 def line_file(path: Path, head: str, factor: float = 1.0, time: Any = None) -> str:
     rows = [head]
     for k, width in enumerate((5.0, 8.0, 10.0)):
@@ -191,30 +157,6 @@ def line_file(path: Path, head: str, factor: float = 1.0, time: Any = None) -> s
             rows.append(f"{t},{factor * x:.9g},{factor * height(width, x):.9g}")
     path.write_text("\n".join(rows))
     return str(path)
-
-
-def line_error(flow: Flow, unit: float) -> float:
-    """Largest distance of the surface points from the line of their frame, in cells."""
-    assert flow.surface is not None
-    s, errors = flow.surface, []
-    for t, width in zip(flow.t, (5.0, 8.0, 10.0), strict=True):
-        at = np.isclose(s.t, t)
-        assert at.sum() == 20
-        errors.append(np.abs(s.y[at] / unit - height(width, s.x[at] / unit)).max())
-    return float(max(errors))
-
-
-def test_given_line_in_the_units_of_the_vectors(tmp_path: Path) -> None:
-    """It also tells where the grains are, if nothing else does."""
-    full = 1.0 + X + 0 * C
-    flow = read(
-        arrays(u=full, v=full), surface=line_file(tmp_path / "a.csv", "t,x,y", time=T), **MATERIAL
-    )
-    assert line_error(flow, 1.0) < 1e-6
-    below = np.stack([height(w, X) >= Y[:, None] for w in (5.0, 8.0, 10.0)])
-    inside = below & (np.array([5.0, 8.0, 10.0])[:, None, None] >= X)
-    clear = np.abs(np.stack([height(w, X) - Y[:, None] for w in (5.0, 8.0, 10.0)])) > 1e-6
-    np.testing.assert_array_equal((flow.c == 1)[clear], inside[clear])
 
 
 def test_wrong_lines_are_refused(tmp_path: Path) -> None:
@@ -240,17 +182,3 @@ def test_vectors_alone_give_grains_but_no_surface() -> None:
     assert flow.c[0, 1, 1] == 1
     np.testing.assert_array_equal(flow.c[:2, :, -1], 0)
     assert (flow.c == 1).sum() <= (C > 0).sum() + 4
-
-
-def test_a_frame_without_vectors_is_left_out() -> None:
-    a = masked()
-    a["validity"][1] = np.where(a["validity"][1] == 0, 0, 3)
-    with pytest.warns(FlowFileWarning, match="1 of 3 frames hold no valid vector"):
-        flow = read(a, **MATERIAL)
-    np.testing.assert_array_equal(flow.t, [1, 3])
-    a["validity"][2] = 3
-    with pytest.raises(
-        DataFileError,
-        match=r"two frames \(or one and steady\) must hold measured",
-    ):
-        read(a, **MATERIAL)

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.data import FlowFileWarning
-from granpinn.importers import Settings, convert, read
+from granpinn.importers import Settings, convert
 from granpinn.importers.density import surface_of_grains
 
 D = 0.01
+
 TIMES = np.linspace(0, 1, 6)
+
 DOWN = (0.0, -9.81)
 
 
@@ -89,16 +90,3 @@ def test_gravity_decides_where_y_points(tmp_path: Path, sign: float) -> None:
     high = flow.surface.y[np.argsort(flow.surface.x)]
     assert high[:50].mean() > high[-50:].mean()
     assert flow.attributes["surface_sd"] == pytest.approx(D / 2, rel=0.2)
-
-
-def test_a_length_unit_suffices(tmp_path: Path) -> None:
-    path = tmp_path / "a.csv"
-    t, x, y = grains()
-    rows = [f"{a:.0f},{1e3 * b},{1e3 * c},{c},{-1}" for a, b, c in zip(5 * t, x, y, strict=True)]
-    path.write_text("\n".join(["frame,x,y,vx,vy", *rows]))
-    flow = read(path, length_unit="mm", frame_rate="100 Hz", **MATERIAL)
-    assert flow.particles is not None
-    np.testing.assert_allclose(flow.particles.v, -0.1, rtol=1e-6)
-    path.write_text("\n".join(["frame,x,y,vx,vy", *np.array(rows)[y < 0.1]]))
-    with pytest.warns(FlowFileWarning, match="grains have no edge that faces up and moves"):
-        read(path, length_unit="mm", frame_rate="100 Hz", **MATERIAL)

@@ -123,22 +123,6 @@ def test_rows_of_one_particle_and_frame(tmp_path: Path) -> None:
     assert kept.x.max() < 500
 
 
-def test_zeros_may_be_missing() -> None:
-    grid = np.ones((3, 4, 5))
-    grid[:, 1, 1] = 0
-    arrays = {"t": [0, 1, 2], "y": range(4), "x": range(5), "u": grid, "v": grid, "y_down": False}
-    flow = read(
-        arrays | {"mask": grid < 0},
-        zeros="missing",
-        dimensionless=True,
-        grain_diameter="0.1",
-        surface="none",
-    )
-    assert np.isnan(flow.u[:, 1, 1]).all()
-    with pytest.raises(DataFileError, match="zeros must be measured or missing"):
-        read(arrays, zeros="no", dimensionless=True, grain_diameter="0.1")
-
-
 def tractrac_text(folder: Path) -> Path:
     above = ("# TracTrac v3.0", "#  Parameters: {'vid_loop': 2}")
     names = "#  Frame ID x y Vx Vy Vx(prediction) Vy(prediction)"
@@ -214,13 +198,3 @@ def test_opyf_on_a_grid_with_depths(tmp_path: Path) -> None:
     assert read_depths(tmp_path / "depths.hdf5").columns["t"].size == depth.size
     with pytest.raises(DataFileError, match="must hold velocities, got depths"):
         read_vectors(tmp_path / "depths.hdf5")
-
-
-def test_a_link_in_place_of_a_table_is_not_followed(tmp_path: Path) -> None:
-    """Nor is it looked whether there is something behind it."""
-    path = tmp_path / "a.hdf5"
-    with h5py.File(path, "w") as file:
-        file["Frame"] = h5py.ExternalLink("nothing.h5", "Frame")
-        file["x"] = file["u"] = np.zeros((3, 2))
-    with pytest.raises(DataFileError, match="Frame must be stored in the file itself, got a link"):
-        read_vectors(path, format="tracks")

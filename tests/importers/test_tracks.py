@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from granpinn.importers import DataFileError, Validity, read_vectors
+from granpinn.importers import DataFileError, read_vectors
 from granpinn.importers.tracking import velocities
 
 N_TRACKS, N_FRAMES = 40, 12
@@ -75,74 +74,11 @@ def test_short_tracks_and_gaps() -> None:
     np.testing.assert_allclose(found.u[3:], 2, rtol=1e-12)
 
 
-def test_no_track_is_mixed_with_its_neighbor() -> None:
-    frame = np.tile(np.arange(5.0), 2)
-    particle = np.repeat([3.0, 9.0], 5)
-    x = np.where(particle == 3, 2 * frame, 900 - 7 * frame)
-    found = velocities(frame, frame, x, x, particle, None, 5)
-    np.testing.assert_allclose(found.u, np.where(particle == 3, 2, -7), rtol=1e-9)
-
-
 def test_wrong_tracks_are_refused() -> None:
     frame = np.zeros(4)
     for window in (1, 4):
         with pytest.raises(DataFileError, match="track_window must be odd and at least 3"):
             velocities(frame, frame, frame, frame, np.arange(4.0), None, window)
-
-
-@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-def test_given_velocities_and_units(tmp_path: Path, delimiter: str) -> None:
-    """Times and units in the header; text columns and empty cells do no harm."""
-    lines = [
-        ["Time (ms)", "X [mm]", "Y [mm]", "VX [mm/s]", "VY [mm/s]", "kind", "sigma_vx", "sigma_vy"],
-        ["1", "2", "3", "4", "5", "bead", "0.1", "0.2"],
-        ["2", "3", "4", "", "", "bead, red", "", ""],
-        ["2", "4", "4", "nan", "6", "", "0.1", "0.1"],
-    ]
-    text = "\n".join(delimiter.join(f'"{cell}"' for cell in line) for line in lines)
-    (tmp_path / "a.csv").write_text("\ufeff" + text + "\r\n")
-    fields = read_vectors(tmp_path / "a.csv")
-    np.testing.assert_array_equal(fields.t, [1, 2, 2])
-    assert (fields.length_unit, fields.time_unit, fields.velocity_unit) == ("mm", "ms", "mm/s")
-    assert [fields.u[0], fields.v[0]] == [4, 5]
-    np.testing.assert_array_equal(fields.validity, [1, 3, 3])
-    assert np.isnan(fields.u[1:]).all()
-    assert np.isnan(fields.v[1:]).all()
-    assert fields.sigma_v is not None
-    assert fields.sigma_v[0] == 0.2
-
-
-def trackpy_table() -> Any:
-    pandas = pytest.importorskip("pandas")
-    pytest.importorskip("tables")
-    more = {"mass": 9.0, "size": 2.0, "ecc": 0.1, "signal": 5.0, "raw_mass": 20.0, "ep": 0.05}
-    return pandas.DataFrame(motion(0.05)).assign(**more).astype({"frame": int, "particle": int})
-
-
-def test_hdf5_of_trackpy(tmp_path: Path) -> None:
-    """A node per frame; in pixels with y down, as trackpy counts."""
-    pandas = pytest.importorskip("pandas")
-    table = trackpy_table()
-    path = tmp_path / "tracks.h5"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of pandas, about its defaults
-        with pandas.HDFStore(path) as store:
-            for frame, rows in table.groupby("frame"):
-                store.put(f"Frame_{frame}", rows, format="table")
-    fields = read_vectors(path)
-    assert (fields.length_unit, fields.time_unit, fields.velocity_unit) == (
-        "px",
-        "frame",
-        "px/frame",
-    )
-    assert fields.y_down is True
-    assert fields.count(Validity.VALID) == N_TRACKS * N_FRAMES
-    table.to_csv(tmp_path / "tracks.csv", index=False)
-    same = read_vectors(tmp_path / "tracks.csv")
-    for name in ("t", "x", "y", "u", "v", "sigma_u"):
-        ours, theirs = getattr(fields, name), getattr(same, name)
-        np.testing.assert_allclose(np.sort(ours), np.sort(theirs), rtol=1e-9)
-    assert same.y_down is True
 
 
 def test_unpickling_is_not_needed(tmp_path: Path) -> None:
@@ -180,16 +116,3 @@ def test_wrong_tables_are_refused(tmp_path: Path, change: Any, message: str) -> 
     with pytest.raises(DataFileError, match=message) as caught:
         read_vectors(csv_lines(tmp_path / "a.csv", change), format="tracks")
     assert "\n" not in str(caught.value)
-
-
-def test_damaged_hdf5_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file["x"] = np.ones(9)
-    with pytest.raises(DataFileError, match="is of no known format: name it with format"):
-        read_vectors(path)
-    with pytest.raises(DataFileError, match="holds no tables of pandas"):
-        read_vectors(path, format="tracks")
-    path.write_bytes(path.read_bytes()[:600])
-    with pytest.raises(DataFileError, match="the file is damaged or was cut off"):
-        read_vectors(path, format="tracks")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -137,19 +136,3 @@ def test_vc7_takes_no_first_of_several(vc7: Any) -> None:
         vc7([first], [frame(np.zeros((2, 3)), "m")])
     with pytest.raises(ValueError, match="a buffer holds 2 frames"):
         vc7([first, first])
-
-
-def test_vc7_samples() -> None:
-    """Only where lvpyio and the samples of pivpy 0.4.0 are, which are too large to keep here."""
-    pytest.importorskip("lvpyio")
-    folder = Path(os.environ.get("GRANPINN_VC7_SAMPLES", "no-such-folder"))
-    if not folder.is_dir():
-        pytest.skip("GRANPINN_VC7_SAMPLES names no folder with the .vc7 samples of pivpy")
-    jet = read_vectors(folder / "davis7_jet_B00001.VC7")
-    assert (jet.count(Validity.VALID), jet.count(Validity.INVALID)) == (15399, 985)
-    urban = read_vectors(folder / "davis_urban_canopy_B00001.vc7")
-    counts = [urban.count(kind) for kind in Validity]
-    assert counts == [4900, 14677, 2003, 20]
-    assert urban.sigma_u is not None
-    for fields in (jet, urban):
-        assert not ((fields.u == 0) & (fields.v == 0)).any()

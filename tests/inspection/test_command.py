@@ -1,8 +1,6 @@
 """The command: its output, its files and its errors."""
 
 import json
-import time
-from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -10,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from granpinn.commands.inspect import main, parse
+from granpinn.commands.inspect import main
 from granpinn.data import Flow, add_noise, write_flow
 from granpinn.simulation import demo_path
 
@@ -37,35 +35,6 @@ def test_what_it_prints_and_writes(
     for name in ("validity", "speed", "inertial_number", "noise"):
         pixels = np.asarray(Image.open(out / f"{name}.png"))
         assert len(np.unique(pixels.reshape(-1, pixels.shape[-1]), axis=0)) > 50
-
-
-def test_files_for_another_law(tmp_path: Path) -> None:
-    out = tmp_path / "inspection"
-    assert main([str(demo_path()), "--law", "coulomb", "--mu-s", "0.3", "--out", str(out)]) == 0
-    numbers = json.loads((out / "inspect.json").read_text())
-    assert numbers["law"] == {"name": "coulomb", "mu_s": 0.3}
-    precision = numbers["checks"]["precision"]
-    assert 0 < precision["bounds"]["known"]["mu_s"] < precision["expected"]["mu_s"] < 0.1
-    assert (out / "inertial_number.png").stat().st_size > 10_000
-
-
-def test_json_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    start = time.process_time()
-    assert main([str(demo_path()), "--json", "--I0", "0.2"]) == 0
-    assert time.process_time() - start < 20
-    law = json.loads(capsys.readouterr().out)["law"]
-    assert law == {"name": "mu_of_i", "mu_s": 0.4, "mu_2": 0.64, "I0": 0.2}
-
-
-def test_a_flow_at_rest(demo: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    zero = np.where(demo.valid, np.float32(0), np.float32(np.nan))
-    write_flow(replace(demo, u=zero, v=zero), tmp_path / "rest.h5")
-    assert main([str(tmp_path / "rest.h5"), "--out", str(tmp_path / "out")]) == 0
-    printed = capsys.readouterr().out
-    assert "No precision can be given" in printed
-    numbers = json.loads((tmp_path / "out" / "inspect.json").read_text())
-    assert numbers["checks"]["precision"]["bounds"] is None
-    assert "hardly shear" in numbers["checks"]["precision"]["reason"]
 
 
 @pytest.mark.parametrize("kind", ["no frame", "frames of NaN"])
@@ -116,14 +85,3 @@ def test_measurement_files_get_the_command_that_converts_them(
 def test_bad_input(argv: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(argv) == 2
     assert message in capsys.readouterr().err
-
-
-def test_a_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "file").write_text("")
-    assert main([str(demo_path()), "--out", str(tmp_path / "file" / "out")]) == 1
-    assert "granpinn.inspect: " in capsys.readouterr().err
-
-
-def test_the_law_of_the_command_line() -> None:
-    law = parse([str(demo_path()), "--mu-s", "0.3", "--mu-2", "0.5"]).law
-    assert (law.mu_s, law.mu_2, law.I0) == (0.3, 0.5, 0.3)

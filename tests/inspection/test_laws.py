@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, add_noise
-from granpinn.inspection import AssumedLaw, inspect
+from granpinn.inspection import AssumedLaw
 from granpinn.inspection.precision import expected_precision, sensitivities
 from granpinn.physics.laws import LAWS
 
@@ -36,32 +35,3 @@ def test_sensitivities_are_derivatives(name: str) -> None:
         change = step * np.eye(len(theta))[k]
         up, down = (value(theta + s * change) for s in (1, -1))
         np.testing.assert_allclose(derivative, (up - down) / (2 * step), rtol=1e-6, atol=1e-9)
-
-
-@pytest.mark.usefixtures("no_balance")
-def test_the_range_of_a_free_curve_follows_from_the_flow(demo: Flow, seed: int) -> None:
-    noisy = add_noise(demo, 0.02, seed)
-    found = inspect(noisy, AssumedLaw(law="free"))
-    numbers = found["inertial_number"]
-    assert found.law.I_low < numbers.q05 < numbers.q95 < found.law.I_high < numbers.q99
-    assert "c1 to c8 to " in found.sentences[0]
-    given = inspect(noisy, AssumedLaw(law="free", I_high=2.0))
-    assert (given.law.I_low, given.law.I_high) == (found.law.I_low, 2.0)
-
-
-@pytest.mark.usefixtures("no_balance")
-@pytest.mark.parametrize("name", LAWS)
-def test_the_precision_of_a_law(name: str, demo: Flow, seed: int) -> None:
-    """Parameters that a law holds fixed need not be determined."""
-    found = inspect(add_noise(demo, 0.02, seed), AssumedLaw(law=name))
-    assert found["precision"].bounds is not None
-    for free, sd in found["precision"].expected.items():
-        assert 0 < found["precision"].bounds.known[free] < sd
-    assert set(found["precision"].expected) == set(LAWS[name].free)
-    assert found.numbers()["law"]["name"] == name
-    assert ("mu_2" in " ".join(found.lines())) == ("mu_2" in LAWS[name].names)
-
-
-def test_a_range_upside_down_is_refused() -> None:
-    with pytest.raises(ValueError, match="I_high must be above I_low = 0.3, got 0.1"):
-        AssumedLaw(law="free", I_low=0.3, I_high=0.1)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, Particles, Surface
+from granpinn.data import Flow, Particles
 from granpinn.estimates.quadratic_fits import noise_of, smooth
 from granpinn.estimates.stress import Stress, momentum_balance
 from tests.inspection.chutes import SURFACE, TANGENT, chute, number_of
@@ -102,33 +102,6 @@ def test_where_it_does_not_apply(changes: dict[str, object], reason: str) -> Non
     assert reason in found
 
 
-def test_few_frames_and_steep_lines() -> None:
-    found = momentum_balance(chute(frames=3))
-    assert isinstance(found, str)
-    assert "3 frames" in found
-    flow = chute()
-    assert flow.surface is not None
-    steep = Surface(flow.surface.t, flow.surface.x, SURFACE - 4 * (flow.surface.x % 2))
-    found = momentum_balance(replace(flow, surface=steep))
-    assert isinstance(found, str)
-    assert "steep" in found
-
-
-def test_the_fit_is_exact_for_quadratics_beside_gaps(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    t, y, x = np.meshgrid(np.arange(6.0), np.arange(9.0), np.arange(8.0), indexing="ij")
-    field = 1 + 2 * t - y + 0.5 * x + t * y - 0.3 * x**2 + 0.1 * x * y
-    weight = (rng.uniform(size=field.shape) > 0.2).astype(float)
-    at = np.zeros(field.shape, bool)
-    at[2:4] = True
-    (found,) = smooth([field], weight, (0.5, 2.0, 1.0), (2, 2, 2), at=at)
-    np.testing.assert_allclose(found.value[at], field[at], rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(found.t[at], ((2 + y) / 0.5)[at], rtol=1e-5)
-    np.testing.assert_allclose(found.y[at], ((-1 + t + 0.1 * x) / 2)[at], rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(found.x[at], (0.5 - 0.6 * x + 0.1 * y)[at], rtol=1e-5, atol=1e-6)
-    assert np.isnan(found.value[~at]).all()
-
-
 def test_the_noise_of_slopes(seed: int) -> None:
     rng = np.random.default_rng(seed)
     noise = rng.standard_normal((9, 40, 40))
@@ -140,22 +113,3 @@ def test_the_noise_of_slopes(seed: int) -> None:
     for values, sd in zip((found.t, found.y, found.x, rest), expected, strict=True):
         # 7,000 values, of which about 7,000/45 are independent.
         assert np.std(values[inner] if values is not rest else rest) == pytest.approx(sd, rel=0.2)
-
-
-def test_columns_under_a_fold_are_left_out() -> None:
-    """A second branch of the line over some columns: the others keep their stress."""
-    flow = chute(columns=30)
-    line = flow.surface
-    assert line is not None
-    columns = flow.x[8:12]
-    t, x = (a.ravel() for a in np.meshgrid(np.unique(line.t), columns))
-    lower = np.full(t.size, flow.y[2])
-    parts = ((line.t, t), (line.x, x + 1e-3), (line.y, lower))
-    folds = replace(flow, surface=Surface(*(np.concatenate(pair) for pair in parts)))
-    a, b = stress_of(flow), stress_of(folds)
-    assert a.used[:, :, 8:12].any()
-    assert not b.used[:, :, 5:15].any()
-    assert b.used[:, :, 16:].any()
-    far = np.zeros_like(a.used)
-    far[:, :, 16:] = b.used[:, :, 16:]
-    np.testing.assert_allclose(b.p[far], a.p[far], rtol=0.2)

@@ -12,7 +12,6 @@ import pytest
 from granpinn.config import Config
 from granpinn.data import Flow, Surface
 from granpinn.data.surface import outward_normals
-from granpinn.estimates.robust import quantiles
 from granpinn.fit.case import pose
 from granpinn.inspection import inspect
 from tests.flows import make_flow
@@ -59,30 +58,3 @@ def test_it_takes_at_most_3_s(make: Callable[[], Flow], work: Callable[[Flow], o
     begin = time.process_time()
     work(flow)
     assert time.process_time() - begin < 3
-
-
-def test_points_that_repeat_have_the_normals_of_the_line() -> None:
-    flow, line = repeated(400), make_flow(frames=8, rows=27, columns=23).surface
-    assert line is not None
-    expected = outward_normals(flow, line)
-    assert flow.surface is not None
-    np.testing.assert_array_equal(outward_normals(flow, flow.surface)[: line.t.size], expected)
-
-
-def test_repeated_points_weigh_as_one() -> None:
-    """The points in the strip below the line are as many."""
-    once, often = repeated(99), repeated(5000)
-    parts = [pose(flow, Config()).member.data.strip for flow in (once, often)]
-    assert len(parts[0]) > 0
-    assert len(parts[1]) == pytest.approx(len(parts[0]), rel=0.02)
-
-
-def test_quantiles_of_groups_are_those_of_numpy() -> None:
-    rng = np.random.default_rng(3)
-    values, group = rng.normal(size=500), rng.integers(0, 40, 500)
-    group[group == 7] = 8
-    found = quantiles(values, group, 41, 0.99)
-    expected = [
-        np.quantile(own, 0.99) if (own := values[group == k]).size else 0 for k in range(41)
-    ]
-    np.testing.assert_allclose(found, expected, rtol=1e-14)

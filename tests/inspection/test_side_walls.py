@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from granpinn.config import SideWalls
 from granpinn.data import Flow
 from granpinn.estimates.stress import Stress, momentum_balance
-from granpinn.inspection import inspect
 from granpinn.inspection.momentum_balance import baseline
 from tests.flows import make_channel
 
@@ -35,16 +32,6 @@ def test_the_walls_carry_a_part_of_the_shear_stress() -> None:
     )
 
 
-def test_without_their_friction_the_slope_is_the_friction() -> None:
-    for flow, friction in (
-        (make_channel(), 0.0),
-        (replace(make_channel(), attributes={"period_x": 16.0}), FRICTION),
-    ):
-        found = stress_of(flow, friction)
-        k = found.used
-        np.testing.assert_allclose(found.shear[k] / found.normal[k], 0.5, rtol=1e-6)
-
-
 def test_the_law_and_its_error_from_the_walls() -> None:
     """The sd of mu_w counts: a known friction has smaller errors than an unknown one."""
     flow = make_channel(gap=GAP, friction=FRICTION, rows=240)
@@ -66,17 +53,3 @@ def test_the_law_and_its_error_from_the_walls() -> None:
     smooth = baseline(flow, side_walls=SideWalls(0.0, 0.0))
     assert smooth.mean is not None
     assert smooth.mean.mu == pytest.approx(0.5, rel=1e-5)
-
-
-def test_a_flow_without_side_walls_does_not_mention_them() -> None:
-    found = baseline(replace(make_channel(), attributes={"period_x": 16.0}))
-    assert found.wall_friction is None
-    assert "side walls" not in found.sentence
-    assert "side_walls" not in (found.parts or {})
-
-
-def test_an_inspection_takes_their_friction() -> None:
-    walls = SideWalls(FRICTION, 0.0)
-    found = inspect(make_channel(), side_walls=walls)
-    assert found["momentum_balance"] == baseline(make_channel(), side_walls=walls)
-    assert found["momentum_balance"].wall_friction == FRICTION

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -13,14 +12,11 @@ import numpy as np
 import pytest
 
 from granpinn.commands import inspect, train
-from granpinn.config import Config
-from granpinn.data import Flow, FlowFileWarning, Particles, add_noise, particle_flow, write_flow
+from granpinn.data import Flow, add_noise, write_flow
 from granpinn.data import read_flow as read
-from granpinn.fit.case import pose
 from granpinn.inspection import quick
-from granpinn.inspection.frames import UNSTEADY
 from granpinn.simulation import demo_path, simulate
-from tests.flows import make_chute, make_flow
+from tests.flows import make_flow
 
 Change = Callable[[Flow], Flow]
 
@@ -128,16 +124,6 @@ def test_parts_of_a_flow_are_sound(demo: Flow, seed: int) -> None:
         assert quick(part).slips == (), (kind, part.t[0], part.y[0], part.x[0])
 
 
-@pytest.mark.parametrize("part", [0.25, 0.06])
-@pytest.mark.parametrize("name", COLLAPSES)
-def test_few_vectors_say_nothing_of_the_line(name: str, part: float) -> None:
-    """Holes between the vectors leave the uppermost one of a column anywhere below the line."""
-    flow = collapse(name)
-    gone = np.random.default_rng(2).random(flow.u.shape) > part
-    few = replace(flow, **{n: np.where(gone, np.nan, getattr(flow, n)) for n in "uv"})
-    assert quick(few).slips == ()
-
-
 def steady(u: Any, v: Any, **changes: Any) -> Flow:
     """A flow that fills the grid, with white noise."""
     t, y, x = np.linspace(0, 3, 30), np.linspace(-1, 1, 24), np.linspace(-1, 1, 30)
@@ -164,19 +150,6 @@ def test_steady_flows_are_sound(name: str) -> None:
     assert quick(steady(*STEADY[name])).slips == ()
 
 
-@pytest.mark.parametrize("acceleration", [0.0, 0.005, 0.02])
-def test_a_steady_flow_does_not_speed_up(acceleration: float) -> None:
-    flow = make_chute(frames=3)
-    faster = flow.u + np.float32(acceleration) * (flow.t - flow.t[0])[:, None, None]
-    speeds_up = replace(flow, u=faster.astype(np.float32))
-    found = quick(speeds_up).slips
-    assert len(found) == (acceleration > UNSTEADY)
-    for slip in found:
-        assert slip.grade == "improbable"
-        assert "acceleration of 2.0% of gravity" in slip.sentence
-    assert not quick(replace(speeds_up, attributes={"period_x": 32.0})).slips
-
-
 def test_a_flow_through_the_grid() -> None:
     """The volume shows mirrors and stretched axes; the fall shows speeds, also with few frames."""
     flow = steady(*STEADY["stagnation"])
@@ -191,26 +164,6 @@ def test_a_flow_through_the_grid() -> None:
     assert jet.grade == "improbable"  # it may come from far above the grid
 
 
-def test_scattered_vectors(flow: Flow) -> None:
-    k, j, i = np.nonzero(flow.valid)
-    u, v = flow.u[k, j, i], flow.v[k, j, i]
-    for factor, expected in ((1, []), (1000, ["impossible"])):
-        particles = Particles(flow.t[k], flow.x[i], flow.y[j], u * factor, v * factor)
-        tracked = particle_flow(particles, gravity=(0, -9.81), density=1500.0, grain_diameter=0.025)
-        assert [slip.grade for slip in quick(tracked).slips] == expected
-
-
-def test_numbers_of_any_size(flow: Flow) -> None:
-    for factor in (1e-30, 1e30):
-        assert not quick(scaled(factor, 1 / factor, factor, factor)(flow)).not_done
-
-
-def test_it_costs_little(demo: Flow) -> None:
-    start = time.process_time()
-    assert not quick(demo).slips
-    assert time.process_time() - start < 0.5
-
-
 def test_train_refuses_before_training(
     demo: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -222,25 +175,6 @@ def test_train_refuses_before_training(
     assert err.startswith(f"granpinn.train: {path}: the center of mass moves against")
     assert err.count("\n") == 1
     assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.usefixtures("no_report")
-def test_train_warns_in_one_line(
-    flow: Flow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "flow.h5"
-    changed = replace(flow, gravity=(0.0, 9.81))
-    write_flow(changed, path)
-    with pytest.warns(FlowFileWarning, match="the grains gain speed while they rise"):
-        pose(changed, Config())
-    tiny = ("--steps", "1", "--network.widths", "6", "--batch.interior", "16")
-    train.main([str(path), "--out", str(tmp_path / "run"), *tiny])
-    lines = capsys.readouterr().err.splitlines()
-    assert [line for line in lines if "they rise" in line] == [
-        f"warning: {path}: the grains gain speed while they rise against gravity, and without "
-        "moving walls they can only fall: check the signs of gravity, y and v, and the order of "
-        "the frames"
-    ]
 
 
 def test_inspect_leads_with_slips(

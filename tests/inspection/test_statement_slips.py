@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -10,15 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, FlowFileError, Surface, check_flow
+from granpinn.data import Flow, FlowFileError, check_flow
 from granpinn.data.symmetry import with_layer
-from granpinn.fit.case import pose
 from granpinn.inspection import quick, refuse_slips
 from granpinn.results.record import IMPOSSIBLE, IMPROBABLE, UNUSUAL
 from tests.data.walled import line
-from tests.examples import make_result
 from tests.flows import make_chute, make_flow
-from tests.runs import tiny
 
 HEAP = make_flow()
 
@@ -112,21 +108,3 @@ def test_sound_statements_get_none(flow: Flow) -> None:
 def test_impossible_stress_is_refused_before_the_training() -> None:
     with pytest.raises(FlowFileError, match="wall_p is up to .* times the weight"):
         refuse_slips(pressed(1e38)())
-
-
-def test_a_line_far_below_the_vectors_is_not_called_late() -> None:
-    """surface_y too small by 10."""
-    flow = make_flow()
-    assert flow.surface is not None
-    low = replace(flow, surface=Surface(flow.surface.t, flow.surface.x, flow.surface.y / 10))
-    assert "of the vectors lie more than 3 cells above the line" in quick(low).slips[0].sentence
-
-
-def test_a_statement_becomes_a_reason_of_the_verdict() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        case = pose(stating(wall_gap=1e-6)(), tiny())
-    made = make_result()
-    result = replace(made, data=replace(made.data, slips=case.slips))
-    (reason,) = (text for text in result.assessment.reasons if "wall_gap is 1e-06" in text)
-    assert reason.startswith("The data are improbable: ")

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, add_noise
-from granpinn.data.noise import max_speed
 from granpinn.inspection import MOST_LINES, AssumedLaw, Inspection, inspect
 from granpinn.inspection.precision import expected_precision
-from granpinn.inspection.shear import LARGE_DIVERGENCE, PIV_DIVERGENCE
 from tests.inspection.chutes import chute
 
 pytestmark = pytest.mark.usefixtures("no_balance")
@@ -19,12 +17,6 @@ def said(found: Inspection) -> str:
     assert len(found.lines()) <= MOST_LINES
     assert not found.not_done
     return " ".join(found.sentences)
-
-
-def every(flow: Flow, stride: int) -> Flow:
-    k = slice(None, None, stride)
-    assert flow.p is not None
-    return replace(flow, t=flow.t[k], u=flow.u[k], v=flow.v[k], c=flow.c[k], p=flow.p[k])
 
 
 def test_good_data(inspected: Inspection) -> None:
@@ -37,15 +29,6 @@ def test_good_data(inspected: Inspection) -> None:
     assert found["vectors"].invalid_share == 0
     assert 0.05 < found["inertial_number"].q95 < 0.2
     assert found["shear"].divergence < 0.05
-
-
-def test_noise_costs_precision_in_proportion(demo: Flow, seed: int) -> None:
-    little, much = (
-        inspect(add_noise(demo, sd, seed))["precision"].bounds.known for sd in (0.02, 0.2)
-    )
-    for name in ("mu_s", "mu_2"):
-        # The shear rates come from other windows, hence not exactly.
-        assert much[name] / little[name] == pytest.approx(10, rel=0.35)
 
 
 def test_precision_falls_with_the_number_of_vectors(demo: Flow, seed: int) -> None:
@@ -68,28 +51,6 @@ def test_bound_of_two_points() -> None:
     assert found is not None
     assert found.known["mu_s"] == pytest.approx(0.1 / (0.097 * 2 * 10) / 0.4, rel=1e-3)
     assert found.known["mu_2"] == pytest.approx(0.1 / (0.097 * 2 * 20) / 0.64, rel=1e-3)
-
-
-def test_rest_has_no_precision(demo: Flow, seed: int) -> None:
-    generator = np.random.default_rng(seed)
-    scatter = 0.01 * generator.standard_normal((2, *demo.u.shape)).astype(np.float32)
-    for noise in (0.0, 1.0):
-        u, v = (np.where(demo.valid, noise * a, np.nan).astype(np.float32) for a in scatter)
-        found = inspect(replace(demo, u=u, v=v))
-        assert found["precision"].bounds is None
-        assert "No precision can be given: the grains hardly shear" in said(found)
-        if noise == 0:
-            assert "are exactly zero" in said(found)
-            assert found["noise"].relative is None
-
-
-def test_too_few_frames(demo: Flow, inspected: Inspection) -> None:
-    flow = every(demo, 5)
-    found = inspect(flow)
-    start, end = found["motion"].sparse
-    assert 0 < start < end <= demo.t[-1]
-    assert "Add frames between t =" in said(found)
-    assert inspected["motion"].sparse is None
 
 
 def test_a_gap_in_time_is_named(demo: Flow) -> None:
@@ -124,14 +85,6 @@ def test_frames_without_vectors_and_repeated_frames(demo: Flow) -> None:
     assert found["precision"].bounds is not None
 
 
-def test_zeros_for_gaps(demo: Flow, seed: int) -> None:
-    gone = (np.random.default_rng(seed).uniform(size=demo.u.shape) < 0.03) & demo.valid
-    u, v = (np.where(gone, np.float32(0), a) for a in (demo.u, demo.v))
-    found = inspect(replace(demo, u=u, v=v))
-    assert found["vectors"].zero_share == pytest.approx(0.03, rel=0.1)
-    assert "exactly zero" in said(found)
-
-
 def test_an_inertial_number_that_stays_small(demo: Flow, inspected: Inspection) -> None:
     """Grains ten times smaller: the same motion at a tenth of I."""
     found = inspect(replace(demo, grain_diameter=demo.grain_diameter / 10))
@@ -140,76 +93,12 @@ def test_an_inertial_number_that_stays_small(demo: Flow, inspected: Inspection) 
     assert small == pytest.approx(large / 10, rel=0.1)
 
 
-def test_a_stated_deviation_that_is_wrong(demo: Flow, seed: int) -> None:
-    flow = add_noise(demo, 0.05, seed)
-    assert "contradict" not in said(inspect(flow))
-    sigma = 0.01 * max_speed(demo)
-    wrong = said(inspect(replace(flow, sigma_u=sigma, sigma_v=sigma)))
-    assert "they scatter 5 times as much" in wrong
-
-
-def test_without_a_surface(demo: Flow) -> None:
-    found = inspect(replace(demo, surface=None))
-    assert found["surface"].points == 0
-    assert "level V0" in said(found)
-
-
 def test_grains_that_leave_the_plane(demo: Flow) -> None:
     """In stripes: not free of divergence, and no factor between x and y."""
     out = 1 + 0.2 * np.sin(6 * demo.x / 12.8e-3)
     found = inspect(replace(demo, u=(out * demo.u).astype(np.float32)))
     assert "div v is" in said(found)
     assert "PIV of an incompressible flow left 8%" in said(found)
-
-
-def test_errors_like_those_of_piv_are_not_grains_that_leave_the_plane(demo: Flow) -> None:
-    found = inspect(replace(demo, u=(1.4 * demo.u).astype(np.float32)))
-    assert PIV_DIVERGENCE < found["shear"].divergence < LARGE_DIVERGENCE
-    assert "div v" not in said(found)
-
-
-def test_real_grains_are_expected_to_depart_from_a_law(demo: Flow, inspected: Inspection) -> None:
-    assert inspected.flow.of_solver
-    assert inspected.sentences[0].endswith("(one standard deviation, I0 known).")
-    without = {k: v for k, v in demo.attributes.items() if "solver" not in k}
-    real = inspect(replace(demo, attributes=without))
-    assert "what real grains depart from a law" in real.sentences[0]
-    assert real["precision"].expected["mu_s"] > inspected["precision"].expected["mu_s"]
-
-
-def test_two_frames(demo: Flow) -> None:
-    """The fewest that a flow file may have: differences in space alone."""
-    flow = replace(
-        demo,
-        t=demo.t[20:22],
-        u=demo.u[20:22],
-        v=demo.v[20:22],
-        c=demo.c[20:22],
-        p=None,
-        surface=None,
-    )
-    found = inspect(flow)
-    assert found["noise"].in_time is None
-    assert found["noise"].in_space is not None
-    assert found["precision"].bounds is not None
-    assert said(found)
-
-
-def test_two_rows(demo: Flow) -> None:
-    """No slope across them: no shear rate, and no precision."""
-    rows = slice(0, 2)
-    flow = replace(
-        demo,
-        y=demo.y[rows],
-        u=demo.u[:, rows],
-        v=demo.v[:, rows],
-        c=demo.c[:, rows],
-        p=None,
-        surface=None,
-    )
-    found = inspect(flow)
-    assert found["precision"].bounds is None
-    assert said(found)
 
 
 def test_units_do_not_matter(demo: Flow, seed: int) -> None:
@@ -244,20 +133,6 @@ def test_units_do_not_matter(demo: Flow, seed: int) -> None:
     ):
         assert numbers(found) == pytest.approx(numbers(plain), rel=1e-2)
     assert found["motion"].speed == pytest.approx(length / time * plain["motion"].speed, rel=1e-3)
-
-
-def test_noise_that_limits_mu_2(demo: Flow, seed: int) -> None:
-    """bench/studies/noise: errors of about 1 and 6 % with noise of 20 %, good to a factor 2.
-
-    The shipped collapse has half the vectors of those that were measured.
-    """
-    found = inspect(add_noise(demo, 0.2, seed))
-    sd = found["precision"].expected
-    assert 0.005 < sd["mu_s"] < 0.03
-    assert 0.03 < sd["mu_2"] < 0.15
-    assert "Noise limits mu_2: without it about " in said(found)
-    assert found["precision"].without_noise["mu_2"] < 0.8 * sd["mu_2"]
-    assert "Noise limits" not in said(inspect(demo))
 
 
 def test_one_inertial_number_determines_no_law(inspected: Inspection) -> None:

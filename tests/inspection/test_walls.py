@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.commands.train import main
 from granpinn.config import Config, Network
-from granpinn.data import Flow, Surface, Walls, write_flow
+from granpinn.data import Flow, Surface, Walls
 from granpinn.estimates.confined import NO_PRESSURE, NO_WORK_WORDS, undetermined
 from granpinn.identification.single import identify
 from granpinn.inspection import inspect
 from granpinn.inspection.momentum_balance import baseline
 from granpinn.results import read_results
 from granpinn.results.results_csv import write_csv
-from tests.data.walled import FLOOR, line, single
+from tests.data.walled import line, single
 from tests.flows import make_chute
 from tests.inspection.chutes import chute
 
@@ -40,12 +39,6 @@ def plane_shear(**changes: Any) -> Flow:
 
 
 LOADED = line((0, 12), (16, 12), p=single(20, 20))
-
-
-def test_plane_shear_gives_no_friction_with_or_without_a_load() -> None:
-    assert undetermined(plane_shear(), "V0") == NO_WORK_WORDS
-    assert undetermined(plane_shear(walls=LOADED), "V0") == NO_WORK_WORDS
-    assert undetermined(plane_shear(attributes={}), "V0") == NO_WORK_WORDS
 
 
 def test_a_slope_needs_one_known_pressure() -> None:
@@ -93,27 +86,6 @@ def test_results_have_no_friction(tmp_path: Path) -> None:
     assert cells["mu_at_I_shear"] == ""
 
 
-def test_constant_friction_is_not_determined_either() -> None:
-    result = identify(plane_shear(), replace(TINY, law="coulomb"))
-    assert not result.parameters["mu_s"].determined
-
-
-def test_the_pressure_of_a_plate_is_a_point_of_the_surface(tmp_path: Path) -> None:
-    flow = plane_shear(walls=LOADED, gravity=(0.4, -0.9))
-    result = identify(flow, TINY)
-    assert result.data.n_surface == 16
-
-
-@pytest.mark.parametrize("level", ["V1", "V2"])
-def test_other_levels_are_refused(
-    level: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_flow(plane_shear(), tmp_path / "flow.h5")
-    args = [str(tmp_path / "flow.h5"), "--out", str(tmp_path / "run"), "--level", level]
-    assert main(args) == 2
-    assert "use level V0" in capsys.readouterr().err
-
-
 def silo(distance: float) -> Flow:
     """The layer of 8 grain diameters, with walls on both sides."""
     flow = chute(columns=30)
@@ -137,12 +109,6 @@ def test_grains_that_hang_between_walls() -> None:
     assert one.walls is not None
     half = Walls(one.walls.x[:2], one.walls.y[:2])
     assert baseline(replace(one, walls=half)).reason is None
-
-
-def test_a_base_changes_nothing_in_the_balance() -> None:
-    flow = chute(columns=30)
-    base = replace(FLOOR, x=np.array([0.0, 30.0]))
-    assert baseline(replace(flow, walls=base)) == baseline(flow)
 
 
 def test_a_sideways_silo() -> None:
@@ -206,14 +172,3 @@ def test_the_stress_of_a_plate_gives_the_friction(side: int, gap: float) -> None
     record = result.checks["momentum_balance"]
     assert record.balance.points == found.points
     assert record.differences == ()
-
-
-def test_a_plate_without_its_shear_stress_gives_none() -> None:
-    flow = under_a_plate(30.0, 16.0, 0.0)
-    assert flow.walls is not None
-    for walls in (replace(flow.walls, tau=None), replace(flow.walls, p=None), None):
-        assert "no surface line nor, with periodic sides, a plate" in str(
-            baseline(replace(flow, walls=walls))
-        )
-    open_sides = baseline(replace(flow, attributes={}))
-    assert "no surface line nor, with periodic sides, a plate" in str(open_sides)

@@ -82,25 +82,6 @@ def test_wrong_argument_of_the_loss(name: str, ops: ModuleType) -> None:
         residual_loss(ops, change)
 
 
-@pytest.mark.parametrize("name", ["points", "velocity", "point_weights", "term_weights"])
-def test_data_have_no_gradient(name: str, ops: ModuleType) -> None:
-    learning = operands(CASE)[name].clone().requires_grad_()
-    with pytest.raises(ValueError, match=f"{name} must not require a gradient"):
-        residual_loss(ops, {name: learning})
-
-
-def test_points_of_a_jet_have_no_gradient(ops: ModuleType) -> None:
-    points = POINTS.points.clone().requires_grad_()
-    with pytest.raises(ValueError, match=r"points must not require a gradient.*detach"):
-        ops.network_jet(points, *CASE.network[1:], 1)
-
-
-@pytest.mark.parametrize("order", [-1, 3])
-def test_order_of_a_jet(order: int, ops: ModuleType) -> None:
-    with pytest.raises(ValueError, match=f"order must be .*got {order}"):
-        ops.network_jet(*CASE.network, order)
-
-
 def test_ensemble_of_another_size(ops: ModuleType) -> None:
     case: Problem = problem(small("mixed", members=2))
     with pytest.raises(ValueError, match=r"(?s)theta.*E = 2.*\[3, 3\]"):
@@ -120,29 +101,6 @@ def test_raw_jets(shape: tuple[int, ...], form: str, message: str, ops: ModuleTy
     jets = torch.zeros(shape, dtype=torch.float64)
     with pytest.raises(ValueError, match=message):
         ops.pointwise_residuals(jets, CASE.theta, CASE.physics, form)
-
-
-def test_viscosity_of_unlike_fields(ops: ModuleType) -> None:
-    gamma_dot, p, theta = torch.ones(4), torch.ones(3), torch.ones(3)
-    with pytest.raises(ValueError, match=r"p must be \[4\].*\[3\]"):
-        ops.viscosity(gamma_dot, p, theta, 0.02, 0, 1, 1e-4)
-    with pytest.raises(TypeError, match=r"gamma_dot.*float32 or float64.*Long"):
-        ops.viscosity(gamma_dot.long(), p, theta, 0.02, 0, 1, 1e-4)
-
-
-@pytest.mark.parametrize(
-    ("count", "population", "message"),
-    [(-1, 10, "count.*-1"), (3, 0, "population.*0"), (3, 2**32, "population.*4294967296")],
-)
-def test_indices_of_nothing(count: int, population: int, message: str, ops: ModuleType) -> None:
-    with pytest.raises(ValueError, match=message):
-        ops.sample_indices(0, 0, 0, count, population)
-
-
-def test_too_many_layers(ops: ModuleType) -> None:
-    case = problem(small("mixed", hidden=(2,) * 64))
-    with pytest.raises(ValueError, match="a network has at most 64 layers, got 65"):
-        ops.residual_loss(*case)
 
 
 @pytest.mark.parametrize("device", ["cpu", "meta"])

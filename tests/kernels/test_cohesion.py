@@ -11,15 +11,9 @@ from torch import Tensor
 
 from granpinn.kernels.network import views
 
-from .configurations import Form, Problem, problem, small
+from .configurations import Problem, problem, small
 
 LIMITS = (0.02, 1e-3, 1e3, 1e-4)  # d, eta_min, eta_max, p_floor
-FORMS: tuple[Form, ...] = ("mixed", "strong")
-
-
-def loss_of(ops: ModuleType, form: Form, theta: list[float], law: str) -> Any:
-    case = problem(small(form, points=40))
-    return loss_at(ops, case, theta, law)
 
 
 def loss_at(ops: ModuleType, case: Problem, theta: list[float], law: str) -> Any:
@@ -29,16 +23,6 @@ def loss_at(ops: ModuleType, case: Problem, theta: list[float], law: str) -> Any
 def viscosity(ops: ModuleType, rate: float, p: float, theta: list[float], law: str) -> Tensor:
     one = torch.ones(1, dtype=torch.float64)
     return ops.viscosity(rate * one, p * one, torch.tensor(theta).double(), *LIMITS, law)[0]
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_without_cohesion_the_law_is_mu_of_i(form: Form, ops: ModuleType) -> None:
-    found = loss_of(ops, form, [0.4, 0.6, 0.3, 0.0], "cohesive")
-    expected = loss_of(ops, form, [0.4, 0.6, 0.3], "mu_of_i")
-    for a, b in zip(found[:3], expected[:3], strict=True):
-        torch.testing.assert_close(a, b, rtol=1e-12, atol=0)
-    torch.testing.assert_close(found[3][:3], expected[3], rtol=1e-11, atol=0)
-    assert found[3][3] != 0
 
 
 def test_cohesion_shifts_the_pressure_of_constant_friction(ops: ModuleType) -> None:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from types import ModuleType
 
-import numpy as np
 import pytest
 import torch
 
 from granpinn import _C, reference
-from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS
 
 from .configurations import Form, problem, small
@@ -27,11 +25,6 @@ def test_c_plus_plus_has_the_laws_of_python() -> None:
     assert _C.laws() == {name: len(law.parameters) for name, law in LAWS.items()}
 
 
-def test_the_constants_have_the_names_and_the_order_of_c_plus_plus() -> None:
-    assert tuple(_C.physics_fields()) == Physics._fields
-    assert len(PHYSICS) == len(Physics._fields)
-
-
 @pytest.mark.parametrize("name", LAW_NAMES)
 def test_the_curve_is_that_of_the_oracle(name: str) -> None:
     inertia = torch.logspace(-6, 3, 50, dtype=torch.float64)
@@ -39,16 +32,6 @@ def test_the_curve_is_that_of_the_oracle(name: str) -> None:
     found = LAWS[name].friction(inertia, *theta_of(name))
     # a power of I is exp(n ln I), which multiplies the rounding by |n ln I| < 20
     torch.testing.assert_close(found, expected, rtol=1e-14, atol=0)
-
-
-@pytest.mark.parametrize("name", LAW_NAMES)
-def test_the_curve_of_numbers_arrays_and_tensors(name: str) -> None:
-    law, theta = LAWS[name], theta_of(name)
-    for function in (law.friction, law.slope):
-        tensor = function(torch.tensor([1e-3, 0.1, 2.0], dtype=torch.float64), *theta)
-        array = function(np.array([1e-3, 0.1, 2.0]), *theta.tolist())
-        np.testing.assert_allclose(array, tensor.numpy(), rtol=1e-14)
-        assert function(0.1, *theta.tolist()) == pytest.approx(array[1], rel=1e-14)
 
 
 @pytest.mark.parametrize("name", LAW_NAMES)
@@ -102,22 +85,6 @@ def test_the_regularised_law_is_continuous_and_its_slope_jumps() -> None:
     assert law.slope(high, *theta) < law.slope(low, *theta) / 2
 
 
-def test_the_regularised_law_is_well_posed_where_mu_of_i_is_not() -> None:
-    """I_1 is where mu(I) becomes ill-posed, for the glass beads of the source."""
-    theta = (0.342, 0.557, 0.069)
-    creep = np.geomspace(1e-12, 0.0039, 50)
-    assert (LAWS["mu_of_i"].ill_posedness(creep[-10:], theta) > -0.02).all()
-    assert (LAWS["mu_of_i"].ill_posedness(creep[:30], theta) > 0).all()
-    assert (LAWS["regularised"].ill_posedness(creep, (*theta, 0.05, 1.9, 0.004)) < 0).all()
-
-
-def test_a_free_curve_of_equal_coefficients_is_constant() -> None:
-    inertia = np.geomspace(1e-6, 1e3, 100)
-    theta = (*[0.4] * 8, 0.01, 0.3)
-    np.testing.assert_allclose(LAWS["free"].friction(inertia, *theta), 0.4, rtol=1e-14)
-    np.testing.assert_allclose(LAWS["free"].slope(inertia, *theta), 0, atol=1e-14)
-
-
 @pytest.mark.parametrize("name", LAW_NAMES)
 def test_the_viscosity_of_a_law_with_its_gradient(name: str, ops: ModuleType) -> None:
     """eta and its derivatives by gamma_dot, p and every parameter, against the oracle."""
@@ -130,20 +97,6 @@ def test_the_viscosity_of_a_law_with_its_gradient(name: str, ops: ModuleType) ->
         out.extend([eta, *torch.autograd.grad((eta * rate).sum(), leaves)])
     for a, b in zip(found, expected, strict=True):
         torch.testing.assert_close(a, b, rtol=1e-12, atol=1e-14)
-
-
-def test_mu_of_i_without_a_range_is_constant_friction(ops: ModuleType) -> None:
-    rate, p = torch.linspace(0.1, 2, 64).double(), torch.linspace(0.3, 1, 64).double()
-    flat, constant = torch.tensor([0.4, 0.4, 0.3]).double(), torch.tensor([0.4]).double()
-    a = ops.viscosity(rate, p, flat, *LIMITS, "mu_of_i")
-    b = ops.viscosity(rate, p, constant, *LIMITS, "coulomb")
-    torch.testing.assert_close(a, b, rtol=1e-15, atol=0)
-
-
-def test_an_unknown_law_is_refused(ops: ModuleType) -> None:
-    one = torch.ones(1).double()
-    with pytest.raises(ValueError, match="law must be one of 'mu_of_i', .*, got 'plastic'"):
-        ops.viscosity(one, one, one, *LIMITS, "plastic")
 
 
 @pytest.mark.parametrize("form", ["mixed", "strong"])
@@ -163,10 +116,3 @@ def test_members_with_laws_of_their_own(form: Form, ops: ModuleType) -> None:
         found = (loss, terms, grad_params, grad_theta[: len(own)])
         for a, b in zip(found, ops.residual_loss(*alone), strict=True):
             torch.testing.assert_close(a, b, rtol=1e-13, atol=0)
-
-
-def test_a_list_of_laws_has_one_for_each_member(ops: ModuleType) -> None:
-    case = problem(small("mixed", members=3))
-    wrong = case._replace(law="mu_of_i,coulomb")
-    with pytest.raises(ValueError, match="one for each of E = 3 members .* got 'mu_of_i,coulomb'"):
-        ops.residual_loss(*wrong)

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from granpinn.kernels import ops
-from granpinn.kernels.network import NetworkSpec, initial_parameters, layer_offsets, n_params, views
+from granpinn.kernels.network import NetworkSpec, initial_parameters, views
 
 SPEC = NetworkSpec((3, 40, 50, 5), (0.1, 0.2, 0.3), (1.0, 2.0, 3.0), "mixed")
 
@@ -21,32 +21,6 @@ def test_views_are_the_layout_of_the_kernels() -> None:
         a = (a if layer == 0 else a * torch.sigmoid(a)) @ W.T + b
     z = ops.network_value(points, params, SPEC.widths, SPEC.input_shift, SPEC.input_scale)
     torch.testing.assert_close(z, a, rtol=1e-6, atol=1e-7)
-
-
-def test_views_share_memory_and_cover_everything() -> None:
-    params = torch.zeros(SPEC.n_params)
-    for W, b in views(params, SPEC.widths):
-        W += 1
-        b += 1
-    assert (params == 1).all()
-    assert SPEC.n_params == n_params(SPEC.widths) == 40 * 4 + 50 * 41 + 5 * 51
-
-
-def test_offsets_are_where_the_views_begin() -> None:
-    params = torch.zeros(SPEC.n_params)
-    begins = [W.storage_offset() for W, _ in views(params, SPEC.widths)]
-    assert layer_offsets(SPEC.widths) == begins
-
-
-def test_views_refuse_another_length() -> None:
-    with pytest.raises(ValueError, match=r"params must be \[2465\].*got \[3\]"):
-        views(torch.zeros(3), SPEC.widths)
-
-
-@pytest.mark.parametrize("widths", [(3,), (2, 8, 5), (3, 8, 3)])
-def test_a_spec_refuses_widths_that_do_not_fit_the_form(widths: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match="widths must be 3, hidden widths, 5 for the mixed form"):
-        NetworkSpec(widths, (0, 0, 0), (1, 1, 1), "mixed")
 
 
 @pytest.mark.parametrize("distribution", ["wide", "glorot_uniform"])

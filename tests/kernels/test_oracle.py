@@ -95,9 +95,3 @@ def test_terms_by_hand() -> None:
     momentum = (1 + 3) * (forces[0] ** 2 + forces[1] ** 2) / 4
     expected = torch.tensor([velocity, p**2 / 2, momentum, 0.0, 0.0], dtype=torch.float64)
     torch.testing.assert_close(terms, expected, rtol=1e-12, atol=1e-11)
-
-
-def test_unknown_form_is_refused() -> None:
-    points = torch.zeros(1, 3)
-    with pytest.raises(ValueError, match='must be "strong" or "mixed", got "weak"'):
-        reference.residuals(lambda x: x, points, torch.ones(3), PHYSICS, "weak")

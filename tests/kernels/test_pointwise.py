@@ -45,14 +45,6 @@ def test_the_fused_loss_is_that_of_its_jets(index: int, ops: ModuleType) -> None
     torch.testing.assert_close(terms[2:], expected / (2 * N), rtol=1e-11, atol=0)
 
 
-@pytest.mark.parametrize("index", range(1, 40, 6))
-def test_strong_residual_of_either_network(index: int, ops: ModuleType) -> None:
-    case = single(index)
-    got, exact = ops.strong_residual(*case.strong), reference.strong_residual(*case.strong)
-    torch.testing.assert_close(got, exact, rtol=1e-8, atol=1e-10 * float(exact.abs().max()))
-    assert not got.requires_grad
-
-
 @pytest.mark.parametrize("members", [None, 1, 3])
 @pytest.mark.parametrize("form", [*FORMS, "data"])
 def test_loss_and_gradient_in_float64(form: str, members: int | None, ops: ModuleType) -> None:

@@ -47,12 +47,6 @@ def test_a_batch_is_what_the_indices_say(
     assert torch.equal(found[5].cpu(), weights)
 
 
-def test_batches_may_be_empty(device: torch.device) -> None:
-    arguments = batch_arguments(torch.float32, device)
-    shapes = [tuple(t.shape) for t in torch.ops.granpinn.draw_batch(*arguments, 0, 0, 0)]
-    assert shapes == [(3, 0, 3), (3, 0, 2), (3, 0, 2), (3, 0, 3), (3, 0), (3, 5), (3, 0, 2)]
-
-
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize("sizes", [(13, 6), (0, 0)], ids=str)
 def test_the_loss_of_a_batch_is_that_of_what_is_drawn(
@@ -133,14 +127,6 @@ def test_wrong_arguments_are_refused_by_name(case: str) -> None:
     arguments[index] = value
     with pytest.raises((ValueError, TypeError), match=message):
         getattr(torch.ops.granpinn, name)(*arguments)
-
-
-def test_there_is_no_batch_without_points() -> None:
-    arguments = batch_arguments(torch.float32)
-    arguments[7], arguments[8] = torch.rand(0, 3), torch.rand(0)
-    with pytest.raises(ValueError, match="points to draw from, got 70 and 0 for batches of 4 and"):
-        torch.ops.granpinn.draw_batch(*arguments, 4, 1, 0)
-    assert torch.ops.granpinn.draw_batch(*arguments, 4, 0, 0)[3].shape == (3, 0, 3)
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])

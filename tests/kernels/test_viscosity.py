@@ -18,18 +18,6 @@ D, ETA_MIN, ETA_MAX, P_FLOOR = LAW = (0.02, 1e-3, 1e3, 1e-4)
 THETA = (0.4, 0.65, 0.3)
 
 
-def test_friction_between_its_limits() -> None:
-    inertia = torch.tensor([0.0, 0.3, 1e12], dtype=torch.float64)
-    mu = reference.friction("mu_of_i", inertia, torch.tensor(THETA, dtype=inertia.dtype))
-    torch.testing.assert_close(mu, torch.tensor([0.4, 0.525, 0.65], dtype=torch.float64))
-
-
-def test_inertial_number_is_finite_without_pressure() -> None:
-    gamma_dot, p = torch.tensor([2.0, 2.0]), torch.tensor([0.0, 0.25])
-    inertia = reference.inertial_number(gamma_dot, p, D, P_FLOOR)
-    torch.testing.assert_close(inertia, torch.tensor([0.04 / 1e-2, 0.04 / 0.5]))
-
-
 @pytest.mark.parametrize("module", ["reference", "cpu_ops", "cuda_ops"])
 @pytest.mark.parametrize(
     ("gamma_dot", "p", "eta"),
@@ -97,11 +85,3 @@ def test_no_worse_than_float32_autograd(seed: int, law: str, ops: ModuleType) ->
         error_a, error_k = (((y - x) / scale).square().mean().sqrt() for y in (a, k))
         assert x.any()
         assert error_k <= factor * max(float(error_a), torch.finfo(torch.float32).eps)
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_the_viscosity_of_a_nan_is_nan(law: str, ops: ModuleType) -> None:
-    theta = torch.tensor([p.start for p in LAWS[law].parameters], dtype=torch.float64)
-    rate = torch.tensor([torch.nan, 1.0, torch.nan, 0.0], dtype=torch.float64)
-    p = torch.tensor([1.0, torch.nan, torch.nan, torch.nan], dtype=torch.float64)
-    assert ops.viscosity(rate, p, theta, *LAW, law).isnan().all()

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
-from granpinn.checks.comparison_of_laws import LawComparison
-from granpinn.data import Flow, Particles, particle_flow
+from granpinn.data import Flow
 from granpinn.output import html
 from granpinn.results import Input, Parameter, Parameters
-from granpinn.results.compared_law import ComparedLaw
-from tests.examples import PARAMETERS, SPARSE, make_result
+from tests.examples import SPARSE, make_result
 from tests.flows import make_chute
 
 
@@ -42,17 +38,6 @@ def test_a_notebook_shows_the_assessment_before_the_numbers() -> None:
     assert "<table>" in make_result(**SPARSE)._repr_html_()
 
 
-def test_a_comparison_of_laws_is_a_table() -> None:
-    coulomb = Parameters(mu_s=Parameter(0.45, fixed=False))
-    laws = ComparedLaw("mu_of_i", PARAMETERS, 0.0), ComparedLaw("coulomb", coulomb, -7.25)
-    result = make_result(checks={"comparison_of_laws": LawComparison(laws, "mu_of_i")})
-    text = result._repr_html_()
-    assert "<th>law</th><th>score</th><th>parameters</th>" in text
-    assert '<th scope="row">coulomb</th><td>-7.2</td><td>mu_s 0.45</td>' in text
-    assert text.count("mu(I) explains these data; excluded: ") == 1
-    assert "coulomb   -7.2" in result.summary()
-
-
 def test_a_flow_says_what_it_holds(flow: Flow) -> None:
     assert repr(flow) == (
         "Flow(in memory; time: 0.1 to 1 s; frames: 12; vectors: 24 x 20 grid, "
@@ -63,11 +48,3 @@ def test_a_flow_says_what_it_holds(flow: Flow) -> None:
     assert "reference pressure" in text
     assert "none (level V0)" in repr(replace(flow, surface=None))
     assert "time: steady" in repr(make_chute())
-
-
-def test_scattered_vectors_are_counted(flow: Flow) -> None:
-    t, y, x = (a[flow.valid] for a in np.meshgrid(flow.t, flow.y, flow.x, indexing="ij"))
-    given = Particles(t, x, y, flow.u[flow.valid], flow.v[flow.valid])
-    names = ("gravity", "density", "grain_diameter")
-    scattered = particle_flow(given, **{name: getattr(flow, name) for name in names})
-    assert f"vectors: {t.size} scattered" in repr(scattered)

@@ -29,6 +29,7 @@ FAULTS = [
     (os, "open", 3, "new"),
     (os, "fsync", 2, "new"),
 ]
+
 TARGETS = ["folder", "link", "dangling link", "FIFO", "socket", "device"]
 
 
@@ -113,21 +114,6 @@ def test_a_fault_of_the_system_leaves_the_old_content_or_the_new(
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_the_file_has_the_permissions_of_any_new_file(tmp_path: Path) -> None:
-    before = os.umask(0o027)
-    try:
-        write_text(tmp_path / "file", "new")
-    finally:
-        os.umask(before)
-    assert (tmp_path / "file").stat().st_mode & 0o777 == 0o640
-
-
-def test_a_missing_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="must lie in an existing folder"):
-        write_text(tmp_path / "missing" / "file", "new")
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize("kind", TARGETS)
 def test_only_regular_files_are_replaced(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "out"
@@ -161,12 +147,6 @@ def test_files_of_a_killed_writer_are_removed_and_those_of_a_living_one_stay(
         living.write_text("first")
     assert path.read_text() == "first"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_long_name_is_no_obstacle(tmp_path: Path) -> None:
-    path = tmp_path / ("n" * 255)
-    write_text(path, "new")
-    assert path.read_text() == "new"
 
 
 LIMIT = """

@@ -12,7 +12,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from granpinn.data.scaling import equation_constants, initial_height, scales_of
+from granpinn.data.scaling import equation_constants, scales_of
 from granpinn.physics.scales import Quantity, Scales
 from tests.flows import make_flow
 
@@ -33,29 +33,6 @@ def test_of_a_known_column() -> None:
     assert SCALES.velocity == pytest.approx(math.sqrt(9.81 * h0), rel=1e-12)
     assert SCALES.time == pytest.approx(math.sqrt(h0 / 9.81), rel=1e-12)
     assert SCALES.pressure == pytest.approx(1500 * 9.81 * h0, rel=1e-12)
-
-
-def test_height_of_one_cell_is_its_size() -> None:
-    c = np.zeros_like(FLOW.c)
-    c[0, 5, 4] = 1
-    assert initial_height(replace(FLOW, c=c)) == pytest.approx(1.1 / 24)
-    assert initial_height(replace(FLOW, c=c, gravity=(-5.0, 0.0))) == pytest.approx(0.1)
-
-
-def test_height_against_tilted_gravity() -> None:
-    """Two cells along the diagonal of the grid, gravity along it too."""
-    c = np.zeros_like(FLOW.c)
-    c[0, 0, 0] = c[0, 3, 4] = 1
-    d_x, d_y = 0.1, 1.1 / 24
-    tilted = replace(FLOW, c=c, gravity=(-3.0, -4.0))
-    assert initial_height(tilted) == pytest.approx(0.6 * (4 * d_x + d_x) + 0.8 * (3 * d_y + d_y))
-
-
-def test_needs_grains_in_the_first_frame() -> None:
-    c = FLOW.c.copy()
-    c[0] = 0
-    with pytest.raises(ValueError, match="c must be 1 at some point of the first frame"):
-        scales_of(replace(FLOW, c=c))
 
 
 def test_units_are_consistent() -> None:
@@ -97,14 +74,6 @@ def test_round_trip_of_points(points: list[tuple[float, float, float]]) -> None:
     np.testing.assert_allclose(SCALES.points_to_physical(there), points, rtol=1e-12)
 
 
-def test_material() -> None:
-    material = equation_constants(replace(FLOW, gravity=(3.0, -4.0)), SCALES)
-    assert material.grain_diameter == pytest.approx(FLOW.grain_diameter / SCALES.length)
-    assert material.gravity == pytest.approx((0.6, -0.8))
-    assert material.eta_max == pytest.approx(1e4 / (SCALES.pressure * SCALES.time))
-    assert equation_constants(replace(FLOW, eta_min=None), SCALES).eta_min is None
-
-
 def test_units_of_the_file_do_not_matter() -> None:
     """The same flow in millimeters and milliseconds has the same dimensionless numbers."""
     surface = FLOW.surface
@@ -136,8 +105,3 @@ def test_units_of_the_file_do_not_matter() -> None:
 def test_refuses_scales_that_are_no_scales(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=f"scale of {name} must be positive and finite"):
         replace(SCALES, **{name: value})
-
-
-def test_refuses_an_unknown_quantity() -> None:
-    with pytest.raises(ValueError, match="quantity must be one of length, velocity"):
-        SCALES.to_dimensionless(1.0, "mass")  # type: ignore[arg-type]

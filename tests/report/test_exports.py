@@ -17,11 +17,10 @@ from granpinn.results import (
     Parameter,
     Parameters,
     Result,
-    read_results,
     write_csv,
     write_fields,
 )
-from tests.examples import PARAMETERS, SPARSE, make_result
+from tests.examples import PARAMETERS, make_result
 from tests.run_folder import Contents
 
 
@@ -45,23 +44,6 @@ def test_the_row_holds_values_intervals_and_units(tmp_path: Path) -> None:
     assert (row["I_q05"], row["I_q95"]) == ("0.0001", "0.3")
     assert (row["input"], row["level"], row["seed"]) == ("Säule µ.h5", "V1", "7")
     assert (row["steps"], row["wall_unit"]) == ("4000", "s")
-
-
-def test_what_is_not_known_is_an_empty_cell_in_the_same_columns(tmp_path: Path) -> None:
-    full = read(make_result(), tmp_path / "full.csv")
-    sparse = read(make_result(**SPARSE), tmp_path / "sparse.csv")
-    assert list(full) == list(sparse)
-    for name in ("mu_s_true", "mu_2_std", "mu_2_low_90", "error_pressure", "I_median"):
-        assert sparse[name] == "", name
-
-
-def test_building_a_report_writes_the_row_again(built: Path) -> None:
-    with (built / "results.csv").open(encoding="utf-8") as file:
-        (row,) = csv.DictReader(file)
-    assert float(row["mu_s"]) == read_results(built / "results.json").parameters.mu_s.value
-
-
-# ---- ParaView ------------------------------------------------------------------------------------
 
 
 def test_the_reader_of_paraview_finds_every_value(contents: Contents, tmp_path: Path) -> None:
@@ -124,8 +106,3 @@ def test_an_uneven_grid_is_moved_and_that_is_said(
     with h5py.File(path) as file:
         found = file["VTKHDF/PointData/p"][1]
     np.testing.assert_array_equal(found, fields.frame("p", 1)[:, axis.points])
-
-
-def test_one_row_or_column_has_a_spacing() -> None:
-    axis = vtkhdf.even(np.array([0.7]))
-    assert (axis.origin, axis.spacing, axis.points.tolist(), axis.moved) == (0.7, 1.0, [0], False)

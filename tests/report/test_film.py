@@ -14,11 +14,11 @@ from PIL import Image
 from granpinn.figures.style import NothingToDraw
 from granpinn.report import film as films
 from granpinn.report import sheets
-from granpinn.report.pixels import grain_box, nearest_index, pixel_grid
+from granpinn.report.pixels import grain_box
 from granpinn.results import Fields
 from tests.examples import make_fields
 from tests.flows import make_flow
-from tests.run_folder import Contents, with_values, without_frame
+from tests.run_folder import Contents, with_values
 
 
 def pixels(png: str, transparent: int = sheets.OUTSIDE) -> npt.NDArray[np.uint8]:
@@ -56,16 +56,6 @@ def test_a_frame_of_a_sheet_is_that_frame_upside_down(fields: Fields) -> None:
         assert np.nanmax(np.abs(np.where(np.isnan(known), np.nan, value) - clipped)) <= step
 
 
-@pytest.mark.parametrize("k", [0, 7])
-def test_the_film_begins_at_the_time_of_the_figures(contents: Contents, k: int) -> None:
-    fields = contents.fields
-    film = films.shoot(fields, k)
-    assert len(film.times) == fields.t.size
-    assert film.start == k
-    assert film.times[k].startswith(f"{fields.t[k]:.3g}")
-    np.testing.assert_array_equal(pixels(film.still), frame_of(pixels(film.sheet), film, k))
-
-
 @pytest.mark.parametrize("k", [0, 123, 1999])
 def test_a_film_of_many_frames_keeps_the_first_the_last_and_that_of_the_figures(k: int) -> None:
     frames = films.frames_of(2000, k)
@@ -73,11 +63,6 @@ def test_a_film_of_many_frames_keeps_the_first_the_last_and_that_of_the_figures(
     assert films.MAX_FRAMES - 1 <= frames.size <= films.MAX_FRAMES
     assert set(np.diff(frames)) <= {*range(1, 12)}
     assert films.frames_of(films.MAX_FRAMES, k).tolist() == list(range(films.MAX_FRAMES))
-
-
-def test_times_have_the_digits_that_tell_them_apart() -> None:
-    assert films.times_of(np.array([0.0, 0.5, 3.5]), " s") == ("0 s", "0.5 s", "3.5 s")
-    assert films.times_of(np.array([12.30, 12.34, 12.36]), "") == ("12.3", "12.34", "12.36")
 
 
 @pytest.mark.parametrize(
@@ -95,25 +80,6 @@ def test_a_sheet_holds_every_frame_once(shape: tuple[int, int, int], columns: in
     assert np.count_nonzero(sheet == sheets.OUTSIDE) == sheet.size - numbers.size
 
 
-def test_ticks_stand_at_their_coordinates() -> None:
-    x = films.axis("x", 0.05 + 0.1 * np.arange(40), 40, "m", 6)
-    assert x.label == "x [m]"
-    assert [text for _, text in x.ticks] == ["0", "1", "2", "3", "4"]
-    assert [place for place, _ in x.ticks] == pytest.approx([0, 25, 50, 75, 100])
-    short = films.axis("y", np.array([-1e-3, 0.0, 1e-3]), 3, "1", 0.4)
-    assert short.label == "y"
-    assert [text for _, text in short.ticks] == ["-0.001", "0", "0.001"]
-    assert films.axis("x", np.array([2.0]), 1, "", 6).label == "x [units of the file]"
-
-
-def test_places_of_other_times_are_pale(fields: Fields) -> None:
-    film = films.shoot(fields, 0)
-    ever = pixels(film.other_times, transparent=1) == 0
-    sheet = pixels(film.sheet)
-    for k in range(5):
-        assert not np.any((frame_of(sheet, film, k) != sheets.OUTSIDE) & ~ever)
-
-
 def test_noise_on_a_large_grid_stays_within_the_budget() -> None:
     flow = make_flow(frames=25, rows=300, columns=500)
     n = int(flow.material.sum())
@@ -123,41 +89,6 @@ def test_noise_on_a_large_grid_stays_within_the_budget() -> None:
     film = films.shoot(fields, 0, budget)
     assert len(film.sheet) <= budget
     assert films.MIN_PIXELS <= max(film.width, film.height) < films.MAX_PIXELS
-
-
-def test_the_palette_marks_what_lies_outside_and_clips_the_rest() -> None:
-    values = np.array([np.nan, -1.0, 0.0, 1.0, 2.0, 9.0, np.inf])
-    indices = sheets.quantise(values, 0.0, 2.0)
-    assert indices.tolist() == [255, 0, 0, 127, 254, 254, 255]
-
-
-def test_colours_get_lighter_from_low_to_high() -> None:
-    # Grey print and colour-blind readers have the lightness only: it must order the values.
-    r, g, b = sheets.palette()[: sheets.LEVELS].astype(float).T
-    luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b
-    assert np.all(np.diff(luminance[::8]) > 0)
-
-
-@pytest.mark.parametrize(
-    ("value", "ends"), [(0.0, (0.0, 1.0)), (2.0, (0.0, 2.0)), (-3.0, (-3.0, 0.0))]
-)
-def test_a_field_without_variation_has_a_scale(value: float, ends: tuple[float, float]) -> None:
-    assert films.scale_of(np.full((3, 4), value)) == pytest.approx(ends)
-
-
-def test_pixels_of_an_uneven_grid_are_even_and_nearest() -> None:
-    x = np.array([0.0, 1.0, 3.0, 4.0])
-    y = np.array([0.0, 2.0])
-    rows, columns = pixel_grid(y, x, 100)
-    assert columns.tolist()[0] == 0
-    assert columns.tolist() == [0, 1, 1, 2, 3] or columns.tolist() == [0, 1, 2, 2, 3]
-    assert rows.size == 3
-    assert nearest_index(x, np.array([-5.0, 0.4, 0.6, 9.0])).tolist() == [0, 0, 1, 3]
-
-
-def test_a_frame_without_grains_is_transparent(contents: Contents) -> None:
-    film = films.shoot(without_frame(contents.fields, 0, 0.0), 1)
-    assert np.all(frame_of(pixels(film.sheet), film, 0) == sheets.OUTSIDE)
 
 
 def test_nothing_to_show_is_said(contents: Contents) -> None:

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import runpy
-import sys
 from pathlib import Path
 
-import h5py
-import numpy as np
 import pytest
 
 from granpinn import report
-from granpinn.command import exit_codes
 from granpinn.commands.report import main
 from granpinn.figures import album, curves, maps
 from granpinn.figures.style import Drawing, new_figure
@@ -66,12 +60,6 @@ def test_damaged_fields_are_said_and_their_old_figures_removed(run_dir: Path) ->
     assert left == {"evolution.png"}
 
 
-def test_a_flow_without_reference_pressure(run_dir: Path) -> None:
-    with h5py.File(run_dir / "fields.h5", "r+") as file:
-        del file["p_reference"]
-    assert build(run_dir).tags.count("img") == 5
-
-
 def test_a_damaged_history_is_said(run_dir: Path) -> None:
     (run_dir / "history.csv").write_bytes(b"\xff\xfe\n")
     page = build(run_dir)
@@ -99,14 +87,6 @@ def test_a_page_that_fails_leaves_the_old_one(
     assert {path.name for path in run_dir.iterdir()} == before
 
 
-def test_a_name_that_is_no_text_is_shown_with_marks(run_dir: Path) -> None:
-    path = run_dir / "results.json"
-    content = json.loads(path.read_text())
-    content["input"]["name"] = "a\udcff.h5"
-    path.write_text(json.dumps(content))
-    assert "Friction law of a?.h5" in build(run_dir).text
-
-
 def test_the_command_prints_the_page(
     run_dir: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -127,15 +107,6 @@ def test_the_command_writes_the_fields_for_paraview(
     page, path = run_dir / "report.html", run_dir / "fields.vtkhdf"
     assert capsys.readouterr() == (f"{page}\n{path}\n", "")
     assert path.stat().st_size > 0
-
-
-def test_no_fields_for_paraview_are_refused(
-    run_dir: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (run_dir / "fields.h5").unlink()
-    assert main([str(run_dir), "--paraview"]) == 2
-    assert f"granpinn.report: {run_dir / 'fields.h5'} does not exist" in capsys.readouterr().err
-    assert not (run_dir / "fields.vtkhdf").exists()
 
 
 @pytest.mark.parametrize(
@@ -167,43 +138,6 @@ def assert_refused(
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize("kind", ["missing", "file"])
-def test_a_folder_that_is_none(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
-) -> None:
-    (tmp_path / "file").write_text("not a folder")
-    assert_refused(capsys, main([str(tmp_path / kind)]), 2, "results.json")
-
-
-@pytest.mark.parametrize("value", [0.0, -0.3])
-def test_an_I0_that_is_no_scale_is_refused(
-    run_dir: Path, capsys: pytest.CaptureFixture[str], value: float
-) -> None:
-    path = run_dir / "results.json"
-    content = json.loads(path.read_text())
-    content["parameters"]["I0"]["value"] = value
-    path.write_text(json.dumps(content))
-    assert_refused(capsys, main([str(run_dir)]), 2, f"I0 must be positive, got {value}")
-
-
-def test_a_folder_that_cannot_be_written_to(
-    run_dir: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (run_dir / "figures").write_text("a file where the folder should be")
-    assert_refused(capsys, main([str(run_dir)]), 1, "figures")
-
-
-def test_it_runs_as_a_module(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(exit_codes, "guard_process", lambda command: None)
-    monkeypatch.setattr(sys, "argv", ["granpinn.report", str(tmp_path)])
-    monkeypatch.delitem(sys.modules, "granpinn.report.__main__", raising=False)
-    with pytest.raises(SystemExit) as caught:
-        runpy.run_module("granpinn.report", run_name="__main__")
-    assert_refused(capsys, int(str(caught.value.code)), 2, "does not exist")
-
-
 @pytest.mark.parametrize("end", ["13,14", ROW[:-1], "2,3,4e-", "2,3,,,,,,,,,,"])
 def test_a_last_line_without_its_end_is_left_out(tmp_path: Path, end: str) -> None:
     (tmp_path / "history.csv").write_text(HEADER + ROW + end)
@@ -212,15 +146,6 @@ def test_a_last_line_without_its_end_is_left_out(tmp_path: Path, end: str) -> No
     assert {name: column.tolist() for name, column in history.items()} == {
         name: [i] for i, name in enumerate(COLUMNS, start=1)
     }
-
-
-def test_empty_cells_are_nan_and_a_header_alone_is_no_row(tmp_path: Path) -> None:
-    path = tmp_path / "history.csv"
-    path.write_text(HEADER + "1,2" + 10 * "," + "\n")
-    history = read_history(path)
-    assert np.isnan(history["loss"]).all()
-    path.write_text(HEADER)
-    assert {column.size for column in read_history(path).values()} == {0}
 
 
 @pytest.mark.parametrize(
@@ -241,12 +166,3 @@ def test_what_is_no_history(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(HistoryFileError) as caught:
         read_history(tmp_path / "history.csv")
     assert words in str(caught.value)
-
-
-def test_figures_come_as_pdf_on_request(
-    run_dir: Path,
-) -> None:
-    assert main([str(run_dir), "--pdf"]) == 0
-    pdf = (run_dir / "figures" / "inertial_number.pdf").read_bytes()
-    assert pdf.startswith(b"%PDF")
-    assert b"CreationDate" not in pdf

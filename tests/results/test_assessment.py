@@ -19,7 +19,6 @@ from granpinn.results import (
     Residuals,
     Result,
     Timing,
-    brief,
     read_results,
     write_csv,
     write_results,
@@ -198,14 +197,6 @@ def test_reasons_are_ordered_by_their_grades() -> None:
     assert set(grades) == set(GRADES)
 
 
-def test_mu_2_beyond_the_data_is_no_fault() -> None:
-    found = make_result().assessment
-    assert found.grade == "good"
-    assert "mu_2, 0.61 (no interval), is extrapolated: the flow reaches 0.67 I0." in found.reasons
-    far = replace(EXAMPLE.law, I_range=(0.01, 0.4))
-    assert not any("extrapolated" in text for text in make_result(law=far).assessment.reasons)
-
-
 @pytest.mark.parametrize("changes", [{}, slips("improbable"), without_bars()])
 def test_all_outputs_have_the_same_answer(changes: dict[str, Any], tmp_path: Path) -> None:
     result: Result = make_result(**changes)
@@ -220,10 +211,3 @@ def test_all_outputs_have_the_same_answer(changes: dict[str, Any], tmp_path: Pat
     assert result._repr_html_().startswith(f"<p>{found.headline}: ")
     write_csv(result, tmp_path / "results.csv")
     assert f",{found.grade}," in (tmp_path / "results.csv").read_text()
-
-
-@pytest.mark.parametrize(
-    ("factor", "words"), [(1.1, "+- "), (1.8, "mu(I)   not determined at I = 0.01 to 0.2")]
-)
-def test_the_curve_in_a_line(factor: float, words: str) -> None:
-    assert any(words in line for line in brief.lines(make_result(law=law(factor))))

@@ -16,12 +16,10 @@ import pytest
 
 from granpinn.commands import export
 from granpinn.errors import BadInput
-from granpinn.physics.laws import LAWS
 from granpinn.results import Input, Parameter, Parameters, Result, write_results
 from granpinn.results.determined import Determined
-from granpinn.results.export import DRAWS, FORMATS, PROGRAMS, draws_of
-from granpinn.results.identified_law import IdentifiedLaw
-from tests.examples import LAW, PARAMETERS, SPARSE, make_result
+from granpinn.results.export import DRAWS, PROGRAMS, draws_of
+from tests.examples import PARAMETERS, make_result
 
 MU_2 = Parameter(0.61, fixed=False, std=0.02, interval_90=(0.57, 0.65))
 KNOWN = Parameters(dict(PARAMETERS.items()) | {"mu_2": MU_2})
@@ -83,15 +81,6 @@ def test_the_code_compiles_and_sets_the_numbers(to: str, compiler: str, tmp_path
     assert [*map(float, out.split())] == pytest.approx([0.41, 0.61, 0.3, D], rel=1e-5)
 
 
-@pytest.mark.parametrize("to", FORMATS)
-def test_every_file_says_where_the_law_extrapolates(to: str) -> None:
-    text = known().export(to)
-    assert "Below 0.01 and above 0.2 the law extrapolates." in text
-    assert "mu_2 is an extrapolation: the data reach I = 0.67 I0." in text
-    assert "d = 0.0008 m, rho_grain = 2500 kg/m^3" in text
-    assert "mu_s = 0.41 (0.39 to 0.43)" in text
-
-
 def test_draws_have_the_covariance_and_are_admissible() -> None:
     result = known()
     draws = draws_of(result)
@@ -121,16 +110,6 @@ def test_json_has_null_where_nothing_is_determined() -> None:
             result.export(to)
 
 
-def test_json_takes_any_law_and_any_result() -> None:
-    mu_s = Parameters(mu_s=PARAMETERS["mu_s"])
-    coulomb = make_result(parameters=mu_s, **SPARSE | {"law": IdentifiedLaw("coulomb")})
-    content = json.loads(coulomb.export("json"))
-    assert content["law"] == "coulomb"
-    assert content["formula"] == LAWS["coulomb"].formula
-    with pytest.raises(BadInput, match=r"got constant friction with mu_s: write json"):
-        coulomb.export("basilisk")
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -157,9 +136,3 @@ def test_the_command_prints_or_writes(tmp_path: Path, capsys: pytest.CaptureFixt
     assert capsys.readouterr().out == f"law: {out}\n"
     assert export.main([str(tmp_path / "none"), "--to", "json"]) == 2
     assert export.main([str(tmp_path), "--to", "abaqus"]) == 2
-
-
-def test_an_unknown_range_is_said() -> None:
-    assert LAW.I_range is not None
-    text = known(law=IdentifiedLaw(reason="no grains shear")).export("json")
-    assert "The range of I of the data is not known." in text

@@ -19,7 +19,7 @@ from granpinn.results import (
     write_fields,
 )
 from granpinn.results import fields as module
-from granpinn.results.fields import VARIABLES, Units
+from granpinn.results.fields import VARIABLES
 from tests.examples import make_fields
 from tests.flows import make_flow
 
@@ -57,27 +57,6 @@ def test_a_frame_holds_the_values_of_its_points_and_nan_elsewhere(fields: Fields
     assert grid.dtype == np.float32
     np.testing.assert_array_equal(np.isnan(grid), ~inside)
     np.testing.assert_array_equal(grid[inside], fields.values["p"])
-
-
-def test_points_know_their_time(fields: Fields) -> None:
-    frame = np.nonzero(fields.c == 1)[0]
-    np.testing.assert_array_equal(fields.time_of_points(), fields.t[frame])
-    np.testing.assert_array_equal(fields.index, np.flatnonzero(fields.c.ravel() == 1))
-
-
-def test_a_frame_without_grains_is_empty(fields: Fields) -> None:
-    c = fields.c.copy()
-    c[1] = 0
-    kept = fields.time_of_points() != fields.t[1]
-    sparse = replace(fields, c=c, values={k: v[kept] for k, v in fields.values.items()})
-    assert np.isnan(sparse.frame("u", 1)).all()
-    np.testing.assert_array_equal(sparse.frame("u", 2), fields.frame("u", 2))
-
-
-@pytest.mark.parametrize("kind", ["length", "time", *UNITS])
-def test_units_of_a_kind(kind: str) -> None:
-    assert Units("1", "1").of(kind) == "1"
-    assert Units("m", "s").of(kind) == ({"length": "m", "time": "s"} | UNITS)[kind]
 
 
 # ---- the file ------------------------------------------------------------------------------------
@@ -180,11 +159,6 @@ def test_xarray_opens_it_with_coordinates_and_units(path: Path, fields: Fields) 
         np.testing.assert_array_equal(frame, fields.frame("tau_xy", 1))
 
 
-def test_units_may_be_any_text(fields: Fields, tmp_path: Path) -> None:
-    write_fields(replace(fields, units=Units("µm", "")), tmp_path / "fields.h5")
-    assert read_fields(tmp_path / "fields.h5").units == Units("µm", "")
-
-
 def test_a_fault_while_writing_leaves_the_old_file(
     path: Path, fields: Fields, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -272,23 +246,3 @@ def test_a_damaged_file_is_one_sentence(case: str, path: Path) -> None:
     with pytest.raises(FieldsFileError, match=sentence) as caught:
         read_fields(path)
     assert str(caught.value).startswith(f"{path} could not be read as granpinn-fields: ")
-
-
-def test_a_group_in_place_of_a_variable_is_refused(path: Path) -> None:
-    with h5py.File(path, "r+") as file:
-        del file["u"]
-        file.create_group("u")
-    with pytest.raises(FieldsFileError, match="could not be read as granpinn-fields"):
-        read_fields(path)
-
-
-@pytest.mark.parametrize("content", [b"", b"not HDF5", None], ids=["empty", "text", "cut"])
-def test_what_is_not_hdf5_is_one_sentence(content: bytes | None, path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:3000] if content is None else content)
-    with pytest.raises(FieldsFileError, match="could not be read as granpinn-fields"):
-        read_fields(path)
-
-
-def test_a_missing_file_is_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(FieldsFileError, match="fields.h5 does not exist"):
-        read_fields(tmp_path / "fields.h5")

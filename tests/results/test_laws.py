@@ -5,17 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from granpinn.checks.profile_of_I0 import require_mu_of_i
-from granpinn.config import Config, ConfigError
+from granpinn.config import Config
 from granpinn.data import Truth
-from granpinn.figures import curves
 from granpinn.physics.laws import LAWS
 from granpinn.report import page as pages
 from granpinn.results import (
-    Covariance,
     ErrorPercent,
     IdentifiedLaw,
     Parameter,
@@ -26,12 +22,8 @@ from granpinn.results import (
     write_results,
 )
 from granpinn.results.records import Members
-from granpinn.results.summary import friction_sd, summarize
-from granpinn.second_opinion.scenes import GrainColumn, collapse_of
-from granpinn.uncertainty.curve import with_curve
 from granpinn.uncertainty.error_bars import center, judge, nearest
-from tests.examples import make_fields, make_result
-from tests.flows import make_flow
+from tests.examples import make_result
 from tests.page import Page
 
 LAW = LAWS["coulomb"]
@@ -85,27 +77,6 @@ def test_table_row_and_page_have_its_parameters_alone(tmp_path: Path) -> None:
     assert "μ2" not in page.text
 
 
-def test_its_curve_is_drawn_with_its_truth() -> None:
-    fields = make_fields(make_flow(frames=3))
-    known = with_curve(coulomb(), np.geomspace(0.01, 0.1, 50), np.ones(50))
-    law = curves.friction_law(known, fields).figure.axes[0]
-    assert law.get_title(loc="left") == "(a) friction law: constant friction"
-    np.testing.assert_allclose(law.lines[0].get_ydata(), 0.33)
-    np.testing.assert_allclose(law.lines[1].get_ydata(), 0.3)
-    shown = curves.inertial_number(coulomb(), fields)
-    assert "mu_2" not in shown.caption
-
-
-def test_the_summary_is_that_of_the_law() -> None:
-    known = with_curve(coulomb(), np.geomspace(0.01, 0.1, 50), np.ones(50))
-    found = summarize(known)
-    assert (found.slope, found.reaches) == (None, None)
-    assert found.band is not None
-    assert found.band.largest_difference == pytest.approx(0.03)
-    covariance = Covariance(("mu_s",), ((0.01**2,),))
-    np.testing.assert_allclose(friction_sd(np.array([0.1, 1.0]), coulomb(), covariance), 0.01)
-
-
 def test_values_without_error_bars_and_the_reason() -> None:
     config = Config(law="coulomb")
     assert center(MEMBERS, LAW) == pytest.approx((0.33,))
@@ -114,10 +85,3 @@ def test_values_without_error_bars_and_the_reason() -> None:
     assert found.free == {"mu_s": Parameter(pytest.approx(0.33), fixed=False)}  # type: ignore[arg-type]
     assert (found.covariance, found.bars) == (None, None)
     assert found.reason == "there are error bars for mu(I) only"
-
-
-def test_its_simulation_and_what_exists_for_mu_of_i_alone() -> None:
-    collapse = collapse_of(make_flow(frames=3), GrainColumn(0.5, 0.5), LAW, (0.33,), 64)
-    assert (collapse.law, collapse.mu_s) == ("coulomb", 0.33)
-    with pytest.raises(ConfigError, match=r"free_I0 is for mu\(I\) alone, got law coulomb"):
-        require_mu_of_i(Config(law="coulomb"))

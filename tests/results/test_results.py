@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from importlib import metadata
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -16,16 +15,13 @@ import torch
 from granpinn.results import (
     ErrorPercent,
     InertialNumber,
-    Input,
     Parameter,
     Parameters,
     Result,
     ResultsFileError,
     Timing,
-    number,
     plain,
     read_results,
-    versions,
     write_results,
 )
 from granpinn.results.assumed import Assumed
@@ -39,9 +35,6 @@ def strict(path: Path) -> Any:
         raise AssertionError(f"{name} is not JSON")
 
     return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
-
-
-# ---- writing and reading -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("result", [make_result(), make_result(**SPARSE)], ids=["full", "sparse"])
@@ -88,12 +81,6 @@ def test_a_number_that_means_nothing_is_null(bad: float, tmp_path: Path) -> None
     assert back.timing.steps_per_s is None
 
 
-def test_a_file_name_that_is_not_utf8_does_not_lose_the_result(tmp_path: Path) -> None:
-    name = b"s\xe4ule.h5".decode("utf-8", "surrogateescape")  # as the system hands it out
-    write_results(make_result(input=Input(name, "")), tmp_path / "results.json")
-    assert read_results(tmp_path / "results.json").input.name == r"s\udce4ule.h5"
-
-
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
@@ -134,9 +121,6 @@ def test_a_fault_while_writing_leaves_the_old_file(
     assert list(tmp_path.iterdir()) == [path]
 
 
-# ---- plain values --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("value", "expected"),
     [
@@ -159,30 +143,6 @@ def test_plain_values(value: Any, expected: Any) -> None:
     assert type(found) is type(expected)
 
 
-@pytest.mark.parametrize("value", [{1}, b"x", 1j, object])
-def test_what_is_not_plain_is_refused(value: Any) -> None:
-    with pytest.raises(TypeError, match="results.json holds plain values only, got"):
-        plain({"settings": [value]})
-
-
-def test_versions_of_what_the_numbers_depend_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = versions()
-    assert list(found) == ["python", "granpinn", "torch", "numpy", "h5py"]
-    assert found["numpy"] == np.__version__
-    real = metadata.version
-
-    def without_h5py(name: str) -> str:
-        if name == "h5py":
-            raise metadata.PackageNotFoundError(name)
-        return real(name)
-
-    monkeypatch.setattr(metadata, "version", without_h5py)
-    assert versions() == found | {"h5py": "not installed"}
-
-
-# ---- the summary ---------------------------------------------------------------------------------
-
-
 def test_the_answer_is_a_few_lines() -> None:
     assert str(make_result()).splitlines() == [
         "mu_s    0.410  (0.390 to 0.430)   true 0.400   90 % intervals",
@@ -191,17 +151,6 @@ def test_the_answer_is_a_few_lines() -> None:
         "mu(I)   0.420 +- 0.020 at I = 0.01 to 0.490 +- 0.030 at I = 0.2",
         "GOOD    the equations hold; the momentum balance without a network agrees; "
         "the velocity fits the vectors to 0.4 %",
-    ]
-
-
-def test_the_answer_without_what_is_unknown() -> None:
-    assert str(make_result(**SPARSE).without("report", "no room")).splitlines() == [
-        "mu_s    0.410  (0.390 to 0.430)   90 % intervals",
-        "mu_2    0.610",
-        "I0      0.300                     given",
-        "mu(I)   not determined",
-        "GOOD    mu_s is known to +- 4.9 %: 0.41 (0.39 to 0.43) (90 %)",
-        "no report: no room",
     ]
 
 
@@ -239,14 +188,6 @@ def test_the_summary_is_a_table() -> None:
         "assessment: good to use: mu(I) is known to +- 6.1 %: 0.420 (0.400 to 0.440) at I = 0.01 "
         "to 0.490 (0.460 to 0.520) at I = 0.2 (90 % intervals).",
     ]
-
-
-def test_the_summary_has_dashes_for_what_is_unknown() -> None:
-    lines = make_result(**SPARSE).summary().splitlines()
-    assert lines[1] == "mu_s     0.4100    0.0120   0.3900 to 0.4300        -         -"
-    assert all(line.endswith(" -") for line in lines[4:-1])
-    assert number(None, ".3f") == "-"
-    assert number(2.0, ".3f") == "2.000"
 
 
 def test_assumptions_are_kept_and_shown(tmp_path: Path) -> None:

@@ -17,16 +17,13 @@ from granpinn.results import (
     ResultsFileError,
     read_results,
 )
-from tests.examples import SPARSE, make_result
+from tests.examples import make_result
 
 
 def read_content(content: Any, folder: Path) -> Result:
     path = folder / "results.json"
     path.write_text(json.dumps(content), encoding="utf-8")
     return read_results(path)
-
-
-# ---- rules of the dataclasses --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -70,13 +67,6 @@ def test_values_that_contradict_each_other_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=sentence):
         make()
-
-
-def test_rounding_does_not_break_the_symmetry() -> None:
-    Covariance(("mu_s", "mu_2"), ((1.0, 0.1), (0.1 * (1 + 1e-7), 2.0)))
-
-
-# ---- files that are not right --------------------------------------------------------------------
 
 
 EDITS: list[tuple[str, Any, str]] = [
@@ -139,21 +129,6 @@ def test_an_edited_file_is_one_sentence(
         read_content(content, tmp_path)
 
 
-def test_a_field_with_a_default_may_be_missing(tmp_path: Path) -> None:
-    content = make_result().to_dict()
-    for name in ("settings", "stopped", *SPARSE):
-        content.pop(name, None)
-    assert read_content(content, tmp_path) == make_result(stopped="steps", **SPARSE)
-
-
-def test_a_whole_number_is_a_number(tmp_path: Path) -> None:
-    content = make_result().to_dict()
-    content["timing"]["wall_s"] = 3
-    wall_s = read_content(content, tmp_path).timing.wall_s
-    assert wall_s == 3
-    assert isinstance(wall_s, float)
-
-
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -173,10 +148,3 @@ def test_what_is_not_a_result_is_one_sentence(text: bytes, sentence: str, tmp_pa
     path.write_bytes(text)
     with pytest.raises(ResultsFileError, match=sentence):
         read_results(path)
-
-
-def test_a_missing_file_says_what_to_give(tmp_path: Path) -> None:
-    with pytest.raises(ResultsFileError, match="does not exist: give the folder of a finished run"):
-        read_results(tmp_path / "results.json")
-    with pytest.raises(ResultsFileError, match="this is a directory"):
-        read_results(tmp_path)

@@ -9,24 +9,15 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, add_noise
-from granpinn.data.flow import Particles
-from granpinn.data.particles import particle_flow
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
-from granpinn.second_opinion.drawn_noise import DrawnNoise, kernel_of, noise_of, with_noise
+from granpinn.second_opinion.drawn_noise import DrawnNoise, noise_of, with_noise
 from granpinn.simulation import Collapse, simulate
 
 
 @pytest.fixture(scope="module")
 def flow() -> Flow:
     return simulate(Collapse(0.4, 0.64, cells=64, stride=1, frames=20, t_end=3.0, threads=1))
-
-
-def test_a_flow_without_noise_gets_none(flow: Flow) -> None:
-    """The simulated flow shows the same small noise: the acceleration between frames."""
-    noise = noise_of(flow, flow)
-    assert noise == DrawnNoise((0.0, 0.0), 0.0)
-    assert with_noise(flow, noise, 3) is flow
 
 
 def test_the_noise_has_the_level_of_the_data(flow: Flow) -> None:
@@ -76,14 +67,6 @@ def test_noise_varies_as_the_file_states(flow: Flow) -> None:
         assert there.std() == pytest.approx(sd, rel=4 / math.sqrt(2 * there.size))
 
 
-@pytest.mark.parametrize("number", [1.3, 4.0, 20.0])
-def test_correlations_sum_to_the_measured_number(number: float) -> None:
-    kernel = kernel_of(number)
-    assert float(kernel @ kernel) == pytest.approx(1)
-    assert float(kernel.sum()) ** 4 == pytest.approx(number)
-    assert kernel_of(1.0).tolist() == [1.0]
-
-
 def test_correlated_noise_has_few_independent_vectors(flow: Flow) -> None:
     """The variance of the mean of a frame is that of its independent vectors."""
     shape = (600, 24, 30)
@@ -97,19 +80,3 @@ def test_correlated_noise_has_few_independent_vectors(flow: Flow) -> None:
     assert frames.std() == pytest.approx(0.1, rel=0.02)
     number = frames.mean(axis=(1, 2)).var() / 0.1**2 * (24 * 30)
     assert number == pytest.approx(6.0, rel=4 * math.sqrt(2 / len(frames)))
-
-
-def test_scattered_vectors_get_white_noise(flow: Flow) -> None:
-    k, j, i = np.nonzero(flow.valid)
-    vectors = Particles(flow.t[k], flow.x[i], flow.y[j], flow.u[k, j, i], flow.v[k, j, i])
-    names = ("gravity", "density", "grain_diameter", "attributes", "surface")
-    tracks = particle_flow(vectors, **{name: getattr(flow, name) for name in names})
-    made = with_noise(tracks, DrawnNoise((0.1, 0.1), 1.0, 1.0, 3.0), 4)
-    assert made.particles is not None
-    added = np.concatenate([made.particles.u - vectors.u, made.particles.v - vectors.v])
-    assert added.std() == pytest.approx(0.1, rel=4 / math.sqrt(2 * added.size))
-    noisy = add_noise(tracks, 0.03, seed=1)
-    found = noise_of(noisy, tracks)
-    assert found.vectors_per_independent == 1.0
-    assert isinstance(noisy.sigma_u, float)
-    assert found.sd == pytest.approx((noisy.sigma_u, noisy.sigma_u), rel=0.1)

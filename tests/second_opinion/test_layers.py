@@ -15,7 +15,7 @@ from granpinn.checks.resimulation import resimulate
 from granpinn.commands import train
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import DEFAULT
-from granpinn.second_opinion import layers, simulated_pressure
+from granpinn.second_opinion import simulated_pressure
 from granpinn.simulation import Chute, simulate
 from tests.flows import make_chute
 
@@ -39,12 +39,6 @@ def test_the_true_law_gives_the_data_back(flow: Flow) -> None:
     assert set(summary.curves.front) == {None}
     assert "front" not in str(summary)
     assert "no fit of the simulator, which exists for collapses alone" in str(summary)
-
-
-def test_another_law_does_not(flow: Flow) -> None:
-    summary = resimulate(flow, DEFAULT, (0.33, 0.7, 0.3))
-    assert summary.velocity_percent is not None
-    assert summary.velocity_percent > 5
 
 
 def test_the_columns_of_the_data_are_their_own(flow: Flow) -> None:
@@ -125,11 +119,6 @@ def test_another_layer_is_left_out_with_the_reason(
     summary = resimulate(change(flow), DEFAULT, LAW)
     assert summary.curves is None
     assert words in str(summary.objection)
-
-
-def test_depth_without_a_surface_line(flow: Flow) -> None:
-    assert layers.depth_of(flow, 3) == pytest.approx(20.0, rel=1e-6)
-    assert layers.depth_of(dataclasses.replace(flow, surface=None), 3) == pytest.approx(20.0)
 
 
 def test_the_command_has_both_opinions(

@@ -14,11 +14,12 @@ from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion.comparison import interpolation
 from granpinn.second_opinion.sampled import Sampler, crossings
 from granpinn.second_opinion.scenes import scene_of
-from granpinn.simulation import Chute, Collapse, simulate
+from granpinn.simulation import Collapse, simulate
 from granpinn.simulation.progress import SilentSimulation
 from granpinn.simulation.run import record
 
 LAW = (0.4, 0.64, 0.3)
+
 CONSTANTS = ("gravity", "density", "grain_diameter", "length_unit", "time_unit", "walls")
 
 
@@ -122,16 +123,6 @@ def test_scattered_vectors_stay_where_they_are(flow: Flow) -> None:
     assert made is not None
     for name, values in vars(vectors).items():
         np.testing.assert_allclose(getattr(made, name), values, atol=1e-6)
-
-
-def test_a_layer_has_its_line_and_its_columns() -> None:
-    law = (0.3, 0.7, 0.3)
-    layer = Chute(*law, slope=23.0, height=20.0, d=1.0, cells=16, frames=6, t_end=30.0, threads=1)
-    flow = simulate(layer)
-    made = again(flow, law)
-    np.testing.assert_allclose(made.u, flow.u, rtol=1e-5)
-    np.testing.assert_array_equal(made.valid, flow.valid)
-    assert same_points(made.surface, flow.surface) == pytest.approx(0, abs=1e-6)
 
 
 def test_measured_pressure_on_the_line_is_simulated(flow: Flow) -> None:

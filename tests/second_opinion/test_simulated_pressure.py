@@ -119,18 +119,6 @@ def test_the_velocity_of_the_simulator_gives_its_pressure_back(known: Known) -> 
         assert error(depth, flow, k, rest) > 20
 
 
-def test_shared_threads_give_the_same_pressure(known: Known) -> None:
-    with ThreadPoolExecutor(1) as one:
-        alone = pressures(known, pool=one)
-    with ThreadPoolExecutor(2) as pool:
-        together = [pressures(known, pool=pool) for _ in range(2)]
-        assert pool.submit(sum, (1, 2)).result() == 3
-    for simulated in together:
-        assert list(simulated) == list(alone) == [1, 3]
-        for k, p in simulated.items():
-            np.testing.assert_array_equal(p, alone[k])
-
-
 def test_another_law_or_grains_at_rest_have_another_pressure(known: Known) -> None:
     last = known.flow.valid[3]
     other = pressures(known, theta=(0.1, 0.2, 0.3), frames=1)
@@ -138,36 +126,6 @@ def test_another_law_or_grains_at_rest_have_another_pressure(known: Known) -> No
     assert list(other) == list(still) == [3]
     assert error(other[3], known.flow, 3, last) > 8
     assert error(still[3], known.flow, 3, last) > 8
-
-
-def test_the_grains_of_a_frame_are_those_of_the_solver() -> None:
-    recorder = Recorder(Collapse(cells=128, stride=1, threads=1))
-    engine = Engine(recorder.scene)
-    recorder.add(0.0, engine.state())
-    recorder.add(1.0, engine.state())
-    found = simulated_pressure.fraction_of(recorder.flow(), 0, recorder.scene)
-    c = engine.state().c
-    # A surface between two points is found to half of their distance: 10.7 x 106.7 cells.
-    assert abs(found.sum() / c.sum() - 1) < 0.5 / 10.7 + 0.5 / 106.7
-    assert np.abs(found[: c.shape[0], : c.shape[1]] - c).max() <= 0.5
-
-
-def test_grains_before_a_frame_are_between_two_frames(known: Known) -> None:
-    collapse = collapse_of(known.flow, GrainColumn(1.0, 10.0), DEFAULT, THETA, None)
-    step = float(known.flow.t[2] - known.flow.t[1])
-    earlier, later = (simulated_pressure.fraction_of(known.flow, k, collapse) for k in (1, 2))
-    found = simulated_pressure.fraction_of(known.flow, 2, collapse, step)
-    np.testing.assert_array_equal(found, earlier)
-    between = simulated_pressure.fraction_of(known.flow, 2, collapse, 0.25 * step)
-    assert 0 < np.abs(between - later).sum() < np.abs(earlier - later).sum()
-    first = simulated_pressure.fraction_of(known.flow, 0, collapse, step)
-    np.testing.assert_array_equal(first, simulated_pressure.fraction_of(known.flow, 0, collapse))
-
-
-def test_frames_are_evenly_spaced_and_the_last_is_one_of_them() -> None:
-    assert simulated_pressure.evenly(list(range(1, 201)), 4) == [50, 100, 150, 200]
-    assert simulated_pressure.evenly([3, 5, 9], 25) == [3, 5, 9]
-    assert simulated_pressure.evenly([3, 5, 9], 2) == [5, 9]
 
 
 def elsewhere(flow: Flow) -> Flow:
@@ -204,11 +162,6 @@ def test_what_the_simulator_cannot_have_is_said(
     assert isinstance(found, str)
     assert words in found
     assert str(SimulatedPressure(found)) == f"no simulated pressure: {found}"
-
-
-def test_cells_that_the_simulator_cannot_have_are_said(known: Known) -> None:
-    found = simulated_pressure.at_frames(known.flow, DEFAULT, THETA, known.velocity, 3, cells=33)
-    assert "cells must be a multiple of 8" in str(found)
 
 
 def test_a_frame_that_fails_is_left_out(known: Known, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -26,13 +26,6 @@ def test_work_that_an_error_ended_gives_no_more_work() -> None:
         pools[0].submit(print)
 
 
-def test_a_pool_whose_block_has_ended_well_is_a_bug_to_use() -> None:
-    with threads(1) as pool:
-        assert pool.submit(sum, (1, 2)).result() == 3
-    with pytest.raises(RuntimeError, match="shutdown"):
-        pool.submit(print)
-
-
 def test_an_error_does_not_wait_for_work_that_runs() -> None:
     begun, ended = threading.Event(), threading.Event()
     waiting: list[Future[None]] = []

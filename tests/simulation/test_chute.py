@@ -14,9 +14,8 @@ import pytest
 
 import granpinn
 from granpinn.commands import simulate as command
-from granpinn.config import ConfigError
 from granpinn.data.symmetry import invariant_axes, words
-from granpinn.simulation import Chute, Engine, Scene
+from granpinn.simulation import Chute, Engine
 from tests.simulation import problems as p
 from tests.simulation.startup import Layer, velocity
 
@@ -118,26 +117,6 @@ def test_flow_file_is_that_of_a_chute(tmp_path: Path) -> None:
     assert np.abs(surface.p).max() < 1e-3 * weight[0]
 
 
-def test_points_of_a_coarser_file_stand_once_in_a_period() -> None:
-    flow = granpinn.simulate(chute(0.1, 16, period=1.3, stride=4, t_end=0.1, frames=2, slope=24.0))
-    period = float(flow.attributes["period_x"])
-    assert period == pytest.approx(1.5)  # 24 cells of 1/16
-    assert np.diff(flow.x) == pytest.approx(4 / 16)
-    assert (len(flow.x), len(flow.y)) == (6, 5)
-    assert flow.x[0] + period > flow.x[-1] + 0.1
-
-
-@pytest.mark.parametrize("period", [None, 0.4, 1.0, 31.7, 500.0])
-def test_resolved_chute_resolves_to_itself(period: float | None) -> None:
-    scene = chute(0.1, 16, period=period, stride=2)
-    once = scene.resolved()
-    assert once.resolved() == once
-    assert once.cells_x == scene.cells_x
-    assert once.cells_x % once.chunk == once.cells_y % once.chunk == 0
-    assert once.period is not None
-    assert once.period >= (period or 0)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -161,24 +140,3 @@ def test_nonsense_is_refused_in_one_sentence(
     assert message in text
     assert text.count("\n") == 1
     assert not out.exists()
-
-
-def test_paper_cases_are_collapses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command.main(["chute", "--paper-cases", str(tmp_path / "cases")]) == 2
-    assert "--paper-cases are collapses" in capsys.readouterr().err
-
-
-def test_scene_and_keywords_do_not_mix() -> None:
-    with pytest.raises(TypeError, match="either"):
-        granpinn.simulate(chute(0.1, 16), mu_s=0.3)
-    with pytest.raises(ConfigError, match="mu_2 must be at least"):
-        Chute(0.4, 0.3)
-
-
-def test_a_kind_of_scene_must_say_everything() -> None:
-    class Heap(Scene):
-        gravity = (0.0, -1.0)
-
-    kind: type = Heap
-    with pytest.raises(TypeError, match="abstract.*cells_x.*chunk.*start_fraction"):
-        kind()

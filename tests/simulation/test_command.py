@@ -12,14 +12,13 @@ import pytest
 
 import granpinn
 from granpinn.commands import simulate as command
-from granpinn.config import ConfigError
-from granpinn.data import Truth
 from granpinn.figures.animation import animate
-from granpinn.simulation import PAPER_CASES, Collapse, SimulationError, demo_path
+from granpinn.simulation import PAPER_CASES, Collapse, SimulationError
 from granpinn.simulation.engine import Engine, StepReport
 from granpinn.simulation.progress import SilentSimulation, SimulationLines
 
 COARSE = {"cells": 64, "frames": 4, "t_end": 1.0, "stride": 2, "threads": 1}
+
 FLAGS = [text for name, v in COARSE.items() for text in (f"--{name.replace('_', '-')}", str(v))]
 
 # The command with a line for every step.
@@ -54,34 +53,6 @@ def test_flow_file_is_complete(tmp_path: Path) -> None:
     assert flow.attributes["column_width"] == 1.0
     falling = flow.v[-1][flow.material[-1]].min()
     assert falling == pytest.approx(-1.0, abs=0.05)  # the top falls freely
-
-
-def test_flow_file_states_its_side_walls(tmp_path: Path) -> None:
-    path = tmp_path / "flow.h5"
-    law = ["--mu-s", "0.3", "--mu-2", "0.5"]
-    walls = ["--wall-gap", "0.5", "--wall-friction", "0.2"]
-    assert command.main([*law, *FLAGS, *walls, "--out", str(path)]) == 0
-    flow = granpinn.read_flow(path)
-    assert (flow.stated("wall_gap"), flow.attributes["true_wall_friction"]) == (0.5, 0.2)
-    free = granpinn.simulate(mu_s=0.3, mu_2=0.5, **COARSE)
-    assert "wall_gap" not in free.attributes
-    assert np.nanmax(np.abs(flow.u[0])) < 0.9 * np.nanmax(np.abs(free.u[0]))
-    usual = Collapse(mu_s=0.3, mu_2=0.5, wall_gap=0.5).resolved()
-    assert usual.wall_friction == 0.11
-
-
-def test_flow_file_names_its_law(tmp_path: Path) -> None:
-    path = tmp_path / "flow.h5"
-    figures = ["--figures", str(tmp_path)]
-    law = ["--law", "coulomb", "--mu-s", "0.3"]
-    assert command.main([*law, *FLAGS, *figures, "--out", str(path)]) == 0
-    assert granpinn.read_flow(path).truth == Truth(mu_s=0.3, law="coulomb")
-
-
-def test_python_call_gives_the_same_flow(tmp_path: Path) -> None:
-    flow = granpinn.simulate(mu_s=0.3, mu_2=0.5, **COARSE)
-    command.main(["--mu-s", "0.3", "--mu-2", "0.5", *FLAGS, "--out", str(tmp_path / "flow.h5")])
-    np.testing.assert_array_equal(flow.u, granpinn.read_flow(tmp_path / "flow.h5").u)
 
 
 @pytest.mark.parametrize(
@@ -120,13 +91,6 @@ def test_nonsense_is_refused_in_one_sentence(
     assert message in text
     assert text.count("\n") == 1
     assert not out.exists()
-
-
-def test_folder_that_is_missing_is_refused_before_the_run(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert command.main(["--out", str(tmp_path / "none" / "flow.h5")]) == 2
-    assert "must lie in an existing folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
@@ -189,16 +153,6 @@ def test_failed_solve_stops_with_its_numbers(tmp_path: Path) -> None:
         Engine(Collapse(cells=64, threads=1), largest_iteration_count=1)
 
 
-def test_grid_of_a_short_flow_covers_its_surface(tmp_path: Path) -> None:
-    """The column has not moved: its side lies between the last points with grains and the next."""
-    out = tmp_path / "flow.h5"
-    granpinn.simulate(cells=64, stride=4, t_end=0.2, frames=2, threads=1, out=out)
-    flow = granpinn.read_flow(out)
-    assert flow.surface is not None
-    assert flow.x[-1] >= flow.surface.x.max()
-    assert flow.y[-1] >= flow.surface.y.max()
-
-
 def test_paper_cases_make_six_files_and_their_figure(tmp_path: Path) -> None:
     folder = tmp_path / "cases"
     assert command.main(["--paper-cases", str(folder), *FLAGS]) == 0
@@ -223,18 +177,3 @@ def test_progress_lines(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(lines) >= 4
     assert "iterations" in lines[-1]
     assert "s left" in lines[-1]
-
-
-def test_collapse_and_keywords_do_not_mix() -> None:
-    with pytest.raises(TypeError, match="either"):
-        granpinn.simulate(Collapse(), mu_s=0.3)
-    with pytest.raises(ConfigError, match="I0 must be a positive number"):
-        Collapse(I0=0.0)
-
-
-def test_demonstration_case_is_small_and_valid() -> None:
-    path = demo_path()
-    assert path.stat().st_size <= 3e6
-    flow = granpinn.read_flow(path)
-    assert flow.truth is not None
-    assert flow.valid.sum() > 10_000

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from granpinn.arrays import Float64
 from granpinn.simulation import Collapse
@@ -42,21 +41,3 @@ def test_factor_scales_the_law() -> None:
     assert float(np.sqrt(np.mean((scaled.u - known.u) ** 2))) < 1e-3 * speed
     other = ran(weak, None)
     assert float(np.sqrt(np.mean((other.u - known.u) ** 2))) > 0.05 * speed
-
-
-def test_factor_acts_where_it_is() -> None:
-    scene = Collapse(0.3, 0.5, **SETTINGS)
-    factor = everywhere(scene, 1.0)
-    factor[:, factor.shape[1] // 4 :] = 2.0  # beyond the column: the toe alone
-    plain, toe = ran(scene, None), ran(scene, factor)
-    front = lambda state: int(np.flatnonzero(state.c[0] > 0.5).max())  # noqa: E731
-    assert front(toe) < front(plain)
-
-
-@pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
-def test_factor_must_be_a_friction(value: float) -> None:
-    scene = Collapse(0.3, 0.5, **SETTINGS)
-    with pytest.raises(ValueError, match="factor must not be negative"):
-        Engine(scene).set_friction_factor(everywhere(scene, value))
-    with pytest.raises(ValueError, match=r"factor must have shape \["):
-        Engine(scene).set_friction_factor(everywhere(scene, 1.0)[1:])

@@ -10,10 +10,8 @@ from pathlib import Path
 
 import pytest
 
-import granpinn
 from granpinn import _collapse
 from granpinn.commands import simulate as command
-from granpinn.config import ConfigError
 from granpinn.simulation import Collapse, run
 
 VALUES = ["0", "-1", "nan", "inf", "1e308", "5e-324", str(2**31), str(2**63), "", "text", "1,2"]
@@ -121,19 +119,6 @@ def test_what_the_attack_found_is_refused_in_one_sentence(
     assert message in err
     assert err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_base_of_this_table_is_valid(tmp_path: Path) -> None:
-    assert command.main([*flags(), "--out", str(tmp_path / "flow.h5")]) == 0
-    assert len(granpinn.read_flow(tmp_path / "flow.h5").t) == 2
-
-
-@pytest.mark.parametrize(
-    "settings", [{"cells": 64.5}, {"d": "0.1"}, {"gravity": 3}, {"threads": True}, {"d": 10**400}]
-)
-def test_other_types_are_refused_in_python(settings: dict[str, object]) -> None:
-    with pytest.raises(ConfigError, match="must be"):
-        Collapse(**settings)  # type: ignore[arg-type]
 
 
 def test_the_solver_itself_refuses_what_it_cannot_count() -> None:

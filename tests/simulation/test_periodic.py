@@ -46,18 +46,3 @@ def test_flow_that_is_moved_along_x_moves_as_before() -> None:
         np.testing.assert_allclose(
             np.roll(a, MOVED, axis=1), b, rtol=0, atol=error * np.abs(a).max(), err_msg=name
         )
-
-
-def test_last_face_is_the_first_one() -> None:
-    state = bumpy_layer(0).state()
-    np.testing.assert_array_equal(state["u"][:, -1], state["u"][:, 0])
-
-
-def test_grains_that_leave_on_one_side_enter_on_the_other() -> None:
-    """Grains pass the sides, and their volume stays the same."""
-    state = bumpy_layer(0).state()
-    assert state["u"][:, 0].max() > 0.05
-    x, y = np.arange(CELLS)[None, :] + 0.5, np.arange(32)[:, None] + 0.5
-    surface = 16 * (1 + 0.2 * np.sin(2 * np.pi * (x / CELLS)))
-    volume = np.clip(surface - y + 0.5, 0, 1).sum()
-    np.testing.assert_allclose(state["c"].sum(), volume, rtol=1e-8)

@@ -14,14 +14,11 @@ import numpy as np
 import pytest
 
 import granpinn
-from granpinn.checks.resimulation import resimulate
 from granpinn.commands import simulate as command
 from granpinn.data import read_flow
 from granpinn.data.flow import Walls
 from granpinn.data.walls import segments_of
-from granpinn.physics.laws import DEFAULT
 from granpinn.second_opinion.scenes import initial_column
-from granpinn.second_opinion.simulated_pressure import usable_frames
 from granpinn.simulation import Collapse, Engine, Silo
 from granpinn.simulation.engine import solver_parameters
 from tests.simulation.test_collapse import energies
@@ -110,38 +107,6 @@ def test_flow_file_is_that_of_a_silo(tmp_path: Path) -> None:
     np.testing.assert_allclose(walls.ends, np.array(left + right), atol=1e-12)
 
 
-@pytest.fixture(scope="module")
-def short() -> granpinn.Flow:
-    return granpinn.simulate(silo(cells=32, t_end=4.0, frames=4, sides="smooth"))
-
-
-def test_smooth_sides_slip(short: granpinn.Flow) -> None:
-    assert short.walls is not None
-    assert segments_of(short.walls).sticks.tolist() == [False, True, True, False]
-    rough = granpinn.simulate(silo(cells=32, t_end=4.0, frames=2))
-    beside = np.abs(short.v[-1, 20:30, 0]).mean(), np.abs(rough.v[-1, 20:30, 0]).mean()
-    assert beside[0] > 2 * beside[1]
-
-
-def test_second_opinions_have_no_silo(short: granpinn.Flow) -> None:
-    """Its grains stand in a corner like a column, but its right wall is none of the simulator's."""
-    reason = "the simulator does not have the wall from (48, 0) to (48, 60) of the file"
-    assert initial_column(short) == usable_frames(short) == reason
-    assert resimulate(short, DEFAULT, LAW).objection == reason
-
-
-def test_half_a_silo_is_refused_for_its_opening(short: granpinn.Flow) -> None:
-    """All of its walls are the simulator's, but the floor of the simulator has no opening."""
-    assert short.walls is not None
-    end = float(short.walls.x[short.walls.x < short.x.mean()].max())  # of the floor on the left
-    half = Walls(np.array([0.0, 0.0, end]), np.array([60.0, 0.0, 0.0]))
-    objection = str(initial_column(dataclasses.replace(short, walls=half)))
-    assert objection.startswith("the simulator has a floor at x = ")
-    assert objection.endswith(", where the walls of the file leave it open")
-    at = float(objection.partition("x = ")[2].partition(",")[0])
-    assert end < at < end + 3 * (short.x[1] - short.x[0])
-
-
 def test_walls_of_a_collapse_are_those_of_the_simulator() -> None:
     """A file may state the floor, the left wall and the right one, at its box_width."""
     flow = granpinn.simulate(Collapse(*LAW, cells=64, frames=3, t_end=0.2, stride=2, threads=1))
@@ -149,28 +114,6 @@ def test_walls_of_a_collapse_are_those_of_the_simulator() -> None:
     assert not isinstance(initial_column(dataclasses.replace(flow, walls=Walls(x, y))), str)
     moving = Walls(x, y, u=np.full(4, 0.1), v=np.zeros(4))
     assert "does not have" in str(initial_column(dataclasses.replace(flow, walls=moving)))
-
-
-def test_silo_that_is_empty_has_no_more_frames() -> None:
-    """Smooth sides and no floor: the filling falls out, and the file ends with it."""
-    scene = silo(outlet=48.0, sides="smooth", cells=16, height=24.0, t_end=9.0, frames=9)
-    flow = granpinn.simulate(scene)
-    assert flow.t.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]  # all has left at sqrt(48) = 6.9
-    for k, t in enumerate(flow.t):
-        np.testing.assert_allclose(flow.v[k][flow.material[k]], -t, rtol=1e-3)
-    assert flow.walls is not None
-    assert len(segments_of(flow.walls).t) == 2
-
-
-@pytest.mark.parametrize("outlet", [None, 10.0, 12.3, 48.0])
-def test_resolved_silo_resolves_to_itself(outlet: float | None) -> None:
-    once = silo(outlet=outlet, stride=2, t_end=None).resolved()
-    assert once.resolved() == once
-    assert once.outlet is not None
-    assert once.outlet == pytest.approx(outlet or 12.0, abs=once.spacing)
-    first, last = once.opening
-    assert first + last == once.cells
-    assert once.cells_x % once.chunk == once.cells_y % once.chunk == 0
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granpinn.commands.tables import main, parse
-from granpinn.config import ConfigError
+from granpinn.commands.tables import main
 from granpinn.data import Truth, read_flow, write_flow
 from granpinn.tables import flows
 from tests.flows import make_flow
@@ -72,32 +71,6 @@ def test_json_has_every_training(out: Path) -> None:
         assert row["errors"][name]["median"] == pytest.approx(sum(errors) / 2)
     assert (out / "runs" / "005" / "results.json").exists()
     assert not (out / "runs" / "005" / "fields.h5").exists()
-
-
-def test_a_study_that_was_continued_has_the_same_settings(folder: Path, tmp_path: Path) -> None:
-    argv = [folder / "a.h5", "--out", tmp_path / "out", "--noise", 0, "--seeds", 1, "--steps", 2]
-    argv = [str(a) for a in (*argv, "--config", folder / "settings.toml")]
-    found = []
-    for words in ([], ["--resume"]):
-        assert main([*argv, *words]) == 0
-        settings = json.loads((tmp_path / "out" / "tables.json").read_text())["settings"]
-        page = (tmp_path / "out" / "tables.html").read_text()
-        found.append((settings, re.findall(r"<dt>resume</dt><dd>\w+</dd>", page)))
-    assert found[0] == found[1]
-
-
-def test_settings_say_how_many_times_are_simulated(tmp_path: Path) -> None:
-    (tmp_path / "settings.toml").write_text("[simulated_pressure]\nframes = 0\n")
-    argv = ["--out", str(tmp_path / "o")]
-    assert parse(argv).config.simulated_pressure.frames == 10
-    argv += ["--config", str(tmp_path / "settings.toml")]
-    assert parse(argv).config.simulated_pressure.frames == 0
-
-
-def test_noise_is_another_draw_for_every_seed(out: Path) -> None:
-    runs = [json.loads((out / "runs" / f"{k:03d}" / "results.json").read_text()) for k in range(6)]
-    assert [run["data"]["noise"] for run in runs] == [0, 0, 0, 0, 0.2, 0.2]
-    assert [run["seed"] for run in runs] == [0, 1] * 3
 
 
 def test_csv_has_a_line_per_table_and_case(out: Path) -> None:
@@ -175,13 +148,6 @@ def test_nonsense_is_refused_in_one_sentence(
     assert err.count("\n") == 1
 
 
-def test_folders_without_flows_and_equal_names_are_refused(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="holds no flow file"):
-        flows.given([tmp_path])
-    with pytest.raises(ConfigError, match="names of their own, got a twice"):
-        flows.given([folder, folder / "a.h5"])
-
-
 def test_every_level_is_a_batch_and_a_table(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -199,12 +165,6 @@ def test_every_level_is_a_batch_and_a_table(
     assert "4 trainings of 20 steps as 2 batches" in shown
     page = Page((tmp_path / "tables.html").read_text(encoding="utf-8"))
     assert page.text.count("53 % in mu_s") == 1
-
-
-def test_the_paper_recipe_brings_its_level_and_form() -> None:
-    request = parse(["--out", "o", "--recipe", "paper", "--steps", "100"])
-    assert (request.config.level, request.config.form) == ("V2", "strong")
-    assert (request.config.steps, request.noise) == (100, (0.0, 0.2, 0.8))
 
 
 def test_simulated_flows_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,9 +9,8 @@ import pytest
 
 from granpinn.data import Flow, Truth
 from granpinn.results import ErrorPercent, Parameter, Parameters, Result
-from granpinn.tables.paper import TABLE_1, TABLE_2, PaperRow, case_of, row_1, row_2
+from granpinn.tables.paper import TABLE_1, TABLE_2, PaperRow
 from granpinn.tables.rows import TableCase, row_of
-from granpinn.tables.study import cases_of
 from tests.examples import make_result
 from tests.flows import make_flow
 
@@ -54,24 +53,6 @@ def test_a_training_that_diverged_is_counted_and_left_out() -> None:
     assert row.errors["mu_s"].median is None
 
 
-def test_without_a_truth_there_are_values_and_no_errors() -> None:
-    row = row_of(TableCase(make_flow(truth=None), 0.0), [result_of(0.4, 0.6, 0, None)])
-    assert row.values["mu_s"] == 0.4
-    assert row.errors["mu_s"].median is None
-    assert row.errors["pressure"].median is None
-    assert row.paper_1 is None
-
-
-def test_the_paper_is_found_by_the_parameters() -> None:
-    assert row_1(Truth(0.4, 0.64, 0.3), 0.0) == PaperRow(0.403, 0.622, 0.80, 2.87, 1.59)
-    assert row_1(Truth(0.4, 0.64, 0.3), 0.2) is None
-    assert row_2(Truth(0.6, 0.84, 0.3), 0.8) == PaperRow(0.586, 0.953, 2.34, 13.4, 14.5)
-    assert row_2(Truth(0.6, 0.72, 0.3), 0.8) is None
-    assert case_of(Truth(0.41, 0.64)) is None
-    assert case_of(Truth(None, 0.64)) is None
-    assert case_of(None) is None
-
-
 @pytest.mark.parametrize("row", [*TABLE_1.items(), *(((0.6, 0.84), r) for r in TABLE_2.values())])
 def test_the_typed_errors_fit_the_typed_values(
     row: tuple[tuple[float, float], PaperRow],
@@ -80,14 +61,3 @@ def test_the_typed_errors_fit_the_typed_values(
     (mu_s, mu_2), found = row
     assert abs(100 * abs(found.mu_s / mu_s - 1) - found.error_mu_s) <= 0.1 / mu_s
     assert abs(100 * abs(found.mu_2 / mu_2 - 1) - found.error_mu_2) <= 0.1 / mu_2
-
-
-def test_noise_is_for_the_reference_case_where_it_is_there() -> None:
-    clean = [TableCase(flow_of(0.4, 0.64), 0.0), TableCase(flow_of(0.6, 0.84), 0.0)]
-    cases = cases_of(clean, (0.0, 0.2, 0.8), "reference")
-    assert [(c.flow.truth and c.flow.truth.mu_s, c.noise) for c in cases] == [
-        *((0.4, 0.0), (0.6, 0.0), (0.6, 0.2), (0.6, 0.8))
-    ]
-    assert len(cases_of(clean, (0.0, 0.2, 0.8), "all")) == 6
-    assert len(cases_of(clean[:1], (0.0, 0.2), "reference")) == 2
-    assert [c.noise for c in cases_of(clean, (0.2,), "reference")] == [0.2]

@@ -19,10 +19,3 @@ def test_boxes_are_equal_and_hold_all_points() -> None:
         assert (extent <= 1 / COUNT + 1e-12).all()
     beyond = torch.stack([lower - 1, upper + 1])
     assert boxes.number(beyond).tolist() == [0, boxes.total - 1]
-
-
-def test_an_axis_without_an_extent_has_one_layer() -> None:
-    points = torch.rand(5000, 3, dtype=torch.float64)
-    points[:, 2] = 0.5
-    boxes = Boxes(points.amin(0), points.amax(0), COUNT)
-    assert len(boxes.number(points).unique()) == COUNT**2

@@ -73,20 +73,3 @@ def test_a_fault_at_any_call_leaves_the_checkpoint_before_it(
             assert str(folder) in message
             assert "No space left on device" in message
     assert faults == faulty.calls > 0
-
-
-def test_half_a_write_is_a_fault_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    saved(tmp_path, 1)
-    real = Path.write_bytes
-
-    def torn(path: Path, content: bytes) -> int:
-        real(path, content[: len(content) // 2])
-        raise OSError(5, "Input/output error")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "write_bytes", torn)
-        with pytest.raises(CheckpointError, match="Input/output error"):
-            saved(tmp_path, 2)
-    found = newest(tmp_path)
-    assert found is not None
-    assert found.state.training.step == 1

@@ -19,7 +19,6 @@ from granpinn.training.law_variables import relative_change
 from .test_last_layer import SPEC, draw, every_point, problem
 
 BLOCKS, EACH = 50, 40  # of residuals
-LIKE = torch.zeros(0, dtype=torch.float64)
 
 
 def second_differences(L: int) -> Tensor:
@@ -62,39 +61,6 @@ def test_the_strength_is_that_of_the_true_curves(roughness: float, copies: int, 
         found.append(math.log(weight))
     expected = math.log(copies * noise**2 / roughness**2)
     assert sum(found) / len(found) == pytest.approx(expected, abs=0.3)
-
-
-def test_a_straight_line_gets_a_strong_prior(seed: int) -> None:
-    rng = torch.Generator().manual_seed(seed)
-    A, b, scores, _ = equations(rng, 8, 0.0, 0.1)
-    smooth = curve_prior.strength(A, b, scores, torch.zeros(8).double(), second_differences(8), 0)
-    A, b, scores, _ = equations(rng, 8, 1.0, 0.1)
-    rough = curve_prior.strength(A, b, scores, torch.zeros(8).double(), second_differences(8), 0)
-    assert smooth > 100 * rough
-
-
-def test_data_that_determine_nothing_give_no_prior() -> None:
-    A, scores = torch.zeros(11, 11).double(), torch.zeros(4, 11).double()
-    A[:3, :3] = torch.eye(3)
-    D, zeros = second_differences(8), torch.zeros(8).double()
-    assert curve_prior.strength(A, torch.zeros(11).double(), scores, zeros, D, 1e-7) == 0
-
-
-def test_second_differences_of_laws() -> None:
-    assert curve_prior.differences(LAWS["mu_of_i"], LIKE).shape == (0, 2)
-    torch.testing.assert_close(
-        curve_prior.differences(LAWS["free"], LIKE), second_differences(8), rtol=0, atol=0
-    )
-
-
-def test_the_change_of_a_law() -> None:
-    before = torch.tensor([0.4, 0.6, 0.3], dtype=torch.float64)
-    after = torch.tensor([0.42, 0.45, 9.0], dtype=torch.float64)  # I0 is fixed
-    assert relative_change(LAWS["mu_of_i"], before, after) == pytest.approx(0.25)
-    curve = torch.tensor([0.4] * 8 + [0.01, 0.3], dtype=torch.float64)
-    other = curve.clone()
-    other[0] += 0.06  # its share at the end of the curve is a sixth
-    assert relative_change(LAWS["free"], curve, other) == pytest.approx(0.01 / 0.4)
 
 
 def test_the_scores_of_the_blocks_add_up_to_the_gradient(seed: int) -> None:

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from granpinn.config import Config, ConfigError
+from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.training.elimination import RIDGE, solve_group
 from granpinn.training.objective import Member, Objective
@@ -68,39 +68,6 @@ def test_theta_is_equal_in_a_group_and_groups_are_separate(flow: Flow) -> None:
     assert not torch.equal(found.params[0], found.params[1])
 
 
-def test_a_group_of_one_has_the_bits_of_a_member_of_its_own(flow: Flow) -> None:
-    config = tiny()
-    alone = trained(config, member(config, flow))
-    grouped = trained(config, member(config, flow, 7))
-    # In a batch with a group of two, the sum over the group of one adds zeros.
-    beside = trained(config, member(config, flow, 7), *[member(config, OTHER, 8)] * 2)
-    for other in (grouped, beside):
-        assert torch.equal(theta(other, 0), theta(alone, 0))
-        assert torch.equal(other.solution(0)[0], alone.solution(0)[0])
-
-
-def test_both_flows_decide_the_law(flow: Flow) -> None:
-    config = tiny()
-    both = trained(config, member(config, flow, 0), member(config, OTHER, 0))
-    laws = [
-        theta(both, 0),
-        *(theta(trained(config, member(config, f)), 0) for f in (flow, OTHER)),
-    ]
-    for k, law in enumerate(laws):
-        assert not any(torch.equal(law, other) for other in laws[:k])
-
-
-def test_the_unit_of_a_loss_does_not_weigh_its_flow(flow: Flow) -> None:
-    config = tiny()
-    own, other = member(config, flow, 0), member(config, OTHER, 0)
-    weights = [2 * w for w in other.problem.term_weights]
-    problem = dataclasses.replace(other.problem, term_weights=weights)
-    heavy = trained(config, own, dataclasses.replace(other, problem=problem))
-    torch.testing.assert_close(
-        theta(heavy, 0), theta(trained(config, own, other), 0), rtol=1e-3, atol=0
-    )
-
-
 def test_the_gradient_of_the_law_is_that_of_the_likelihood_of_the_group(flow: Flow) -> None:
     config = tiny()
     trainer = trainer_of(
@@ -124,18 +91,6 @@ def test_a_group_is_rolled_back_and_given_up_as_a_whole(flow: Flow) -> None:
     assert (trainer.law_variables.theta - start).any(1).tolist() == [False, True, False]
     trainer.give_up({0: "why"})
     assert trainer.diverged == {0: "why", 2: "why"}
-
-
-@pytest.mark.parametrize("law", ["free", "cohesive"])
-def test_a_law_with_a_unit_or_a_range_cannot_be_shared(law: str, flow: Flow) -> None:
-    config = tiny(law=law)
-    with pytest.raises(ConfigError, match="take another .*law"):
-        trainer_of(config, member(config, flow, 0), member(config, flow, 0))
-
-
-def test_given_values_of_a_shared_law_must_be_the_same(flow: Flow) -> None:
-    with pytest.raises(ConfigError, match=r"0\.3.*0\.2.*settings"):
-        trainer_of(tiny(), member(tiny(), flow, 0), member(tiny(I0=0.2), flow, 0))
 
 
 def test_the_steps_of_a_group_solve_the_equations_of_all_unknowns(seed: int) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import builtins
 import hashlib
 import io
 import math
@@ -12,21 +11,14 @@ from typing import Any
 
 import pytest
 
-from granpinn.config import ConfigError
 from granpinn.data import Flow
-from granpinn.physics.laws import DEFAULT, LAWS
-from granpinn.training import progress
-from granpinn.training.history import History, Row, columns, median
+from granpinn.physics.laws import DEFAULT
+from granpinn.training.history import History, Row, columns
 from granpinn.training.progress import (
     Bar,
     Lines,
-    Silent,
-    Stage,
     TensorBoard,
-    describe,
-    duration,
 )
-from granpinn.training.time_limit import PACE
 from tests.runs import make_run, tiny
 
 NAN = math.nan
@@ -140,63 +132,6 @@ def test_a_run_writes_the_columns_of_its_stages(flow: Flow, tmp_path: Path) -> N
     )
 
 
-def test_lines_say_what_a_log_needs() -> None:
-    stream = io.StringIO()
-    lines = Lines(stream, every=0.0)
-    lines.start(100, 50)
-    lines.total(200)
-    lines.show(row(60, momentum=NAN))
-    lines.message("something happened")
-    first, second = stream.getvalue().splitlines()
-    assert first.startswith("fit 60/200  mu_s 0.4000  mu_2 0.6000  loss 0.1")
-    assert "vel 1.0e-01" in first
-    assert "mom" not in first
-    assert first.endswith("left")
-    assert second == "something happened"
-
-
-def test_one_time_left_counts_all_stages(monkeypatch: pytest.MonkeyPatch) -> None:
-    """100 steps of PACE each, then stages of 10 s, 2 s, 5 s; the machine gets busy on the way."""
-    now, cpu = 1000.0, 0.0
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now)
-    monkeypatch.setattr(progress.time, "process_time", lambda: cpu)
-    lines = Lines(io.StringIO(), every=0.0, last=[Stage("figures", seconds=5.0)])
-    lines.plan([Stage("error bars", steps=1250), Stage("checks", seconds=2.0)], None, 1)
-    lines.start(1000, 0)
-    assert lines.words == ""
-    for step in (250, 500):
-        now, cpu = now + 250 * PACE, cpu + 500 * PACE
-        lines.show(row(step))
-    assert lines.left == pytest.approx(500 * PACE + 1250 * PACE + 2 + 5)
-    assert lines.done == pytest.approx(4 / (4 + lines.left))
-    now, cpu = now + 500 * 3 * PACE, cpu + 1.5 * 500 * PACE  # half a core in place of two
-    lines.show(row(1000))
-    assert lines.left == pytest.approx(3 * (1250 * PACE + 2 + 5))
-    lines.stop()
-    lines.stage("error bars")
-    now += 29.0
-    assert lines.left == pytest.approx(1 + 3 * (2 + 5))
-    lines.stage("checks")
-    now += 100.0  # longer than expected
-    assert lines.left == pytest.approx(15.0)
-    lines.until = now + 4.0
-    assert lines.words == "0:04 left"
-    lines.stage("figures")
-    assert lines.where == "figures"
-    lines.stop()
-    assert (lines.line.split()[0], lines.words) == ("done", "")
-
-
-def test_lines_are_few_but_the_last_is_shown() -> None:
-    stream = io.StringIO()
-    lines = Lines(stream, every=1e9)
-    lines.start(30, 0)
-    for step in (10, 20, 30):
-        lines.show(row(step))
-    lines.stop()
-    assert [line.split()[1] for line in stream.getvalue().splitlines()] == ["10/30", "30/30"]
-
-
 def test_the_bar_shows_steps_terms_and_values(capsys: pytest.CaptureFixture[str]) -> None:
     bar = Bar()
     bar.start(10, 0)
@@ -211,13 +146,6 @@ def test_the_bar_shows_steps_terms_and_values(capsys: pytest.CaptureFixture[str]
     bar.stop()
     text = capsys.readouterr().err
     assert "a [bracket] is no markup" in text
-
-
-def test_the_terminal_decides(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    assert isinstance(progress.automatic(), Bar)
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: False, raising=False)
-    assert isinstance(progress.automatic(), Lines)
 
 
 class Writer:
@@ -250,44 +178,3 @@ def test_tensorboard_gets_every_finite_value(
     assert names == set(COLUMNS) - {"step", "surface"}
     assert board.writer.closed
     assert "fit 5/20" in stream.getvalue()
-
-
-def test_tensorboard_that_is_missing_says_how_to_get_it(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    real = builtins.__import__
-
-    def without(name: str, *args: Any) -> Any:
-        if name.startswith("torch.utils.tensorboard"):
-            raise ImportError(name)
-        return real(name, *args)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(ConfigError, match=r"pip install granpinn\[tensorboard\]"):
-        TensorBoard(tmp_path, Silent())
-
-
-def test_text_of_durations_and_rows() -> None:
-    assert [duration(s) for s in (4, 65, 3723)] == ["0:04", "1:05", "1:02:03"]
-    unused = row(1, surface=NAN, continuity=NAN)
-    assert "surf" not in describe(unused)
-    assert "div" not in describe(unused)
-    assert "law" in describe(unused)
-
-
-def test_rows_of_another_law_have_its_columns(tmp_path: Path) -> None:
-    law, path = LAWS["coulomb"], tmp_path / "history.csv"
-    assert columns(law)[-2:] == ("mu_s", "learning_rate")
-    written = Row.of(law, [3, *(0.1 * k for k in range(1, len(columns(law))))])
-    history = History(path, law)
-    history.open()
-    history.append(written)
-    size, sha256 = history.flush()
-    history.close()
-    again = History(path, law)
-    again.open(size, sha256)
-    assert again.rows == [written]
-    again.close()
-    assert describe(written).startswith("mu_s 0.8000  loss 0.2  vel 3.0e-01")
-    other = Row.of(law, [3, *(0.3 * k for k in range(1, len(columns(law))))])
-    assert median([written, other, other]) == other

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 import torch
 
@@ -65,14 +63,3 @@ def test_a_free_curve_has_a_prior_and_a_cohesion_of_zero(seed: int) -> None:
     assert float(found.prior[-1].abs().max()) == 0  # no prior of the cohesion
     straight = torch.cat([torch.arange(8.0).double(), torch.zeros(1).double()])
     assert float((found.prior @ straight).abs().max()) <= 1e-9 * float(found.prior.abs().max())
-
-
-def test_it_is_a_function_of_its_arguments(seed: int) -> None:
-    params, own = initial_parameters(SPEC, seed), member("cohesive", seed)
-    first, second = (information(own, params, COHESIVE, 0) for _ in range(2))
-    assert first is not None
-    assert second is not None
-    assert torch.equal(first.scores, second.scores)
-    other = information(dataclasses.replace(own, seed=seed + 1), params, COHESIVE, 0)
-    assert other is not None
-    assert other.scores.shape == first.scores.shape

@@ -28,8 +28,11 @@ from granpinn.training.problem import Problem
 from tests.runs import tiny
 
 SPEC = NetworkSpec((3, 9, 7, 5), (0.1, 0.2, 0.3), (1.1, 0.9, 0.7), "mixed")
+
 THETA = torch.tensor([0.4, 0.64, 0.3], dtype=torch.float64)
+
 WEIGHTS = [3.0, 5.0, 0.7, 0.4, 0.9]
+
 PHYSICS = Physics(0.025, 0.05, -1.0, 0.0, math.inf, 0.6, 0.2, 1e-6, 0.8, 0.5, 0.1)
 
 
@@ -248,14 +251,6 @@ def solved_on(device: str, seed: int) -> tuple[Tensor, Tensor]:
 
 
 @pytest.mark.usefixtures("long_steps")
-def test_other_layers_stay(seed: int) -> None:
-    params, (found, _) = initial_parameters(SPEC, seed), solved_on("cpu", seed)
-    last = layer_offsets(SPEC.widths)[-1]
-    assert torch.equal(found[:last], params[:last])
-    assert not torch.equal(found[last:], params[last:])
-
-
-@pytest.mark.usefixtures("long_steps")
 def test_a_run_ends_with_the_step(tmp_path: Path, flow: Flow) -> None:
     """The values are those after it; history and loss are those of the steps."""
     config = tiny(steps=100)
@@ -269,24 +264,6 @@ def test_a_run_ends_with_the_step(tmp_path: Path, flow: Flow) -> None:
     assert with_step.loss == without.loss
     again = identify(flow, dataclasses.replace(config, resume=True), run_dir=tmp_path / "run")
     assert again.parameters == with_step.parameters
-
-
-@pytest.mark.usefixtures("long_steps")
-def test_a_law_with_one_parameter_has_one_unknown(seed: int) -> None:
-    """Constant friction: the step of mu(I) without its second parameter, as mu_2 = mu_s."""
-    law, params, data = LAWS["coulomb"], initial_parameters(SPEC, seed), draw(seed)
-    features = Features(SPEC, params)
-    sums = Sums(features, problem(), law, every_point(data, features))
-    at = Unknowns(coefficients(SPEC, params), THETA[:1])
-    A, b = sums.normal_equations(at)
-    assert b.shape == (41,)
-    same = Unknowns(at.C, THETA.new_tensor([0.4, 0.4, 0.3]))
-    wide, by_both = sums_of(problem(), data, params).normal_equations(same)
-    both = torch.eye(42, dtype=torch.float64)[:, :41]
-    both[41, 40] = 1  # mu_s of constant friction moves mu_s and mu_2 together
-    torch.testing.assert_close(b, both.T @ by_both, rtol=1e-9, atol=1e-12)
-    torch.testing.assert_close(A, both.T @ wide @ both, rtol=1e-9, atol=1e-12)
-    assert improve([sums], [at])[0].theta.shape == (1,)
 
 
 def test_a_time_limit_leaves_one_step(monkeypatch: pytest.MonkeyPatch) -> None:

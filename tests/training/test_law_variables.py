@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Config, Optimizer, Rheology
-from granpinn.physics.laws import DEFAULT, LAWS
+from granpinn.physics.laws import DEFAULT
 from granpinn.training.control_table import ControlTable
 from granpinn.training.law_variables import LawVariables
 from granpinn.training.optimise import BatchOptimizer
@@ -34,12 +34,6 @@ def after_a_step(law: LawVariables, grad_theta: Tensor, rate: float) -> None:
 def make(variables: Any, E: int = 1, **start: Any) -> LawVariables:
     settings = Rheology(variables=variables, **start)
     return LawVariables([DEFAULT] * E, settings, [{"I0": 0.25}] * E, range(E), LIKE)
-
-
-@pytest.mark.parametrize("variables", ["log", "sigmoid"])
-def test_they_start_where_they_should(variables: str) -> None:
-    expected = torch.tensor([[0.3, 0.7, 0.25]] * 2, dtype=torch.float64)
-    torch.testing.assert_close(make(variables, 2, start=(0.3, 0.7)).theta, expected)
 
 
 @pytest.mark.parametrize("variables", ["log", "sigmoid"])
@@ -82,24 +76,3 @@ def test_a_random_start_is_a_function_of_the_seed() -> None:
     assert torch.equal(draws[0], draws[1])
     assert not torch.equal(draws[0], draws[2])
     assert all(0.05 <= d[0] <= d[1] <= 0.95 for d in draws)
-
-
-@pytest.mark.parametrize(("variables", "q"), [("log", math.log(0.3)), ("sigmoid", -0.8473)])
-def test_a_law_with_one_parameter_has_one_variable(variables: Any, q: float) -> None:
-    law = LawVariables([LAWS["coulomb"]] * 2, Rheology(variables=variables), [{}] * 2, (0, 1), LIKE)
-    expected = torch.full((2, 1), 0.3, dtype=torch.float64)
-    torch.testing.assert_close(law.theta, expected)
-    torch.testing.assert_close(law.q, torch.full_like(expected, q), rtol=1e-4, atol=0)
-
-
-def test_a_fixed_parameter_without_a_value_is_at_its_start() -> None:
-    law = LawVariables([DEFAULT] * 2, Rheology(), [{"I0": 0.5}, {}], (0, 0), LIKE)
-    assert law.theta[:, 2].tolist() == [0.5, DEFAULT.parameter("I0").start]
-
-
-def test_a_law_admits_positive_parameters_in_their_order() -> None:
-    assert DEFAULT.admits([0.4, 0.6, 0.3])
-    assert not DEFAULT.admits([0.6, 0.4, 0.3])
-    assert not DEFAULT.admits([0.4, 0.6, -0.3])
-    assert not DEFAULT.admits([math.nan, 0.6, 0.3])
-    assert LAWS["coulomb"].admits([0.4])

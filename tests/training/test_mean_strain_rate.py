@@ -9,14 +9,11 @@ from itertools import product
 import pytest
 import torch
 
-from granpinn.data import Flow
-from granpinn.fit.case import pose
 from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import DEFAULT
 from granpinn.training.equations import residuals
 from granpinn.training.features import Features, coefficients
 from granpinn.training.last_layer_sums import Unknowns
-from tests.runs import tiny
 from tests.training.test_last_layer import PHYSICS, SPEC, THETA, draw, problem, sums_of
 
 
@@ -62,19 +59,3 @@ def test_the_law_does_not_count_at_the_floor(seed: int) -> None:
     one = torch.where(high, 1.0, 7.0)[:, None].double()
     moved = dataclasses.replace(data, point_weights=data.point_weights * one)
     assert sums_of(posed, moved, params).loss(at) == pytest.approx(everywhere, rel=1e-12)
-
-
-def test_the_length_is_that_of_the_grain_or_of_the_solver(flow: Flow) -> None:
-    d = flow.grain_diameter
-    central = math.sqrt(2 / 3)
-    cell, mean = "grid_spacing_of_solver", "averaging_length_of_solver"
-    for attributes, length in (
-        ({}, d),
-        ({cell: d / 3}, central * d / 3),
-        ({cell: 3 * d}, 3 * central * d),
-        ({cell: 3 * d, mean: 2 * d}, 2 * d),
-        ({mean: 2 * d}, 2 * d),
-    ):
-        changed = dataclasses.replace(flow, attributes=attributes, grain_density=2 * flow.density)
-        case = pose(changed, tiny(steps=60))
-        assert case.member.problem.mean_length == pytest.approx(length / case.scales.length)

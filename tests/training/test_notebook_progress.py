@@ -10,10 +10,6 @@ import pytest
 
 from granpinn.data import Flow
 from granpinn.identification.single import identify
-from granpinn.physics.laws import DEFAULT
-from granpinn.training import progress
-from granpinn.training.history import Row, columns
-from granpinn.training.progress import Silent
 from tests.runs import tiny
 
 
@@ -63,26 +59,3 @@ def test_a_notebook_shows_one_line_without_being_asked(flow: Flow, notebook: Out
     assert '<progress value="1.000" max="1">' in last["text/html"]
     names = [content["text/plain"].split()[0] for content in notebook.contents]
     assert list(dict.fromkeys(names)) == ["fit", "last", "error", "checks", "done"]
-
-
-@pytest.mark.parametrize("shell", [None, Shell("TerminalIPythonApp")])
-def test_other_places_show_nothing(
-    shell: Shell | None, notebook: Output, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sys.modules["IPython"], "get_ipython", lambda: shell)
-    assert type(progress.by_default()) is Silent
-    monkeypatch.delitem(sys.modules, "IPython")
-    assert type(progress.by_default()) is Silent
-
-
-def test_a_notebook_is_not_flooded(notebook: Output) -> None:
-    listener = progress.Notebook(every=1e9)
-    listener.start(1000, 0)
-    listener.total(900)
-    for step in range(1, 901):
-        listener.show(Row.of(DEFAULT, [step] + [0.5] * (len(columns(DEFAULT)) - 1)))
-    assert len(notebook.contents) == 3  # the first, one row and the last
-    assert notebook.contents[-1]["text/plain"].startswith("fit 900/900  mu_s")
-    listener.stop()
-    assert len(notebook.contents) == 4
-    assert notebook.contents[-1]["text/plain"].startswith("done  mu_s")

@@ -152,42 +152,6 @@ def test_hidden_matrices_of_one_shape_are_one_batch() -> None:
     assert hidden_groups((3, 128, 128, 128, 128, 5)) == [ParameterGroup(512, 3, 128, 128)]
 
 
-def test_its_tensors_are_its_whole_state() -> None:
-    for method in ("adam", "muon"):
-        one = Updates(method)
-        one.control.table[:, 1] = 0.25
-        one.step(0)
-        twin = one.copy()
-        twin.control.table.copy_(one.control.table)
-        for step in (1, 2):
-            one.step(step)
-            twin.step(step)
-        assert torch.equal(one.params, twin.params)
-        assert torch.equal(one.law.q, twin.law.q)
-        assert torch.equal(one.optimizer.average_params, twin.optimizer.average_params)
-
-
-def test_reset_is_a_new_optimizer() -> None:
-    one = Updates("muon")
-    one.step(0)
-    one.optimizer.reset()
-    fresh = Updates("muon", one.params)
-    fresh.law.q.copy_(one.law.q)
-    one.step(1)
-    fresh.step(1)
-    assert torch.equal(one.params, fresh.params)
-    assert torch.equal(one.law.q, fresh.law.q)
-
-
-def test_the_law_stays_while_it_is_not_trained() -> None:
-    one = Updates("muon")
-    before = one.law.q.clone(), one.law.theta.clone()
-    one.step(0, law_moves=False)
-    assert torch.equal(one.law.q, before[0])
-    assert torch.equal(one.law.theta, before[1])
-    assert one.optimizer.counts.tolist() == [[1, 0]] * E
-
-
 def test_the_average_is_the_mean(device: torch.device) -> None:
     one = Updates("muon", device=device)
     states = []
@@ -217,22 +181,6 @@ def test_a_member_of_an_ensemble_has_the_bits_of_one_alone(method: str) -> None:
     for e, one in enumerate(alone):
         assert torch.equal(one.params[0], together.params[e])
         assert torch.equal(one.law.theta[0], together.law.theta[e])
-
-
-def test_each_step_reads_its_own_row_of_the_table() -> None:
-    """Learning rates, and members that go more slowly."""
-    one = Updates("adam", learning_rate=1e-2, epsilon=1e-30)
-    one.control.table[:3, 0] = torch.tensor([1.0, 0.25, 0.0])
-    one.control.lr_scale.copy_(torch.tensor([1.0, 0.5, 1.0]))
-    one.control.counter.copy_(torch.tensor([70, 70, 0]))
-    grad = torch.ones(E, P, dtype=torch.float64)
-    for rate in (1e-2, 2.5e-3, 0.0):
-        before = one.params.clone()
-        one.optimizer.step(torch.zeros(E, dtype=torch.float64), grad, grad[:, :3].contiguous())
-        moved = before - one.params
-        for e, scale in enumerate((1, 0.5, 1)):
-            torch.testing.assert_close(moved[e], torch.full_like(moved[e], rate * scale))
-    assert one.control.counter[0] == 73
 
 
 FAULTY = {

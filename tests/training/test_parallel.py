@@ -20,7 +20,7 @@ from granpinn.config import Config, ConfigError
 from granpinn.data import Flow, write_flow
 from granpinn.errors import CannotGoOn
 from granpinn.training import checkpoint, parallel
-from granpinn.training.objective import Evaluation, Objective
+from granpinn.training.objective import Objective
 from tests.command import pageless
 from tests.flows import make_flow
 from tests.runs import make_objective, tiny
@@ -134,25 +134,6 @@ def test_shares_are_the_parts_of_one_batch(flow: Flow) -> None:
         )
     for whole, first, second in zip(*(d[:5] for d in drawn), strict=True):
         assert torch.equal(whole, torch.cat([first, second], 1))
-
-
-def test_a_batch_must_be_shared_equally(flow: Flow) -> None:
-    config = tiny()
-    with pytest.raises(ConfigError, match="multiples of the number of processes, 2, got 33 and 6"):
-        Objective(make_objective(config, flow).members, config.batch, torch.device("cpu"), (0, 2))
-
-
-def test_one_process_agrees_with_itself() -> None:
-    alone = parallel.processes(torch.device("cpu"))
-    e = Evaluation(*torch.ones(4, 1, 1))
-    assert alone.all_reduce(e) is e
-    assert alone.broadcast([1, 2.5]) == [1, 2.5]
-    assert alone.stopping(True)
-    assert not alone.stopping(False)
-    alone.barrier()
-    assert parallel.gather_texts("µ") == ["µ"]
-    with parallel.joined() as rank:
-        assert rank == 0
 
 
 @pytest.mark.parametrize(

@@ -111,24 +111,6 @@ def test_the_history_after_the_checkpoint_is_written_again(flow: Flow, tmp_path:
     assert [line.split(",")[0] for line in lines] == ["step", *map(str, range(5, 41, 5))]
 
 
-def test_resuming_a_finished_run_does_nothing(flow: Flow, tmp_path: Path) -> None:
-    run = make_run(tiny(), flow, tmp_path / "run")
-    run.train()
-    again = make_run(tiny(resume=True), flow, tmp_path / "run")
-    again.train()
-    assert torch.equal(run.trainer.params, again.trainer.params)
-    assert without_time(run.histories[0].rows) == without_time(again.histories[0].rows)
-
-
-def test_resuming_without_a_checkpoint_starts(flow: Flow, tmp_path: Path) -> None:
-    run = make_run(tiny(resume=True), flow, tmp_path / "run")
-    messages: list[str] = []
-    run.progress.message = messages.append  # type: ignore[method-assign]
-    run.train()
-    assert run.trainer.finished
-    assert "no checkpoint yet" in messages[0]
-
-
 OTHER_SETTINGS: list[tuple[dict[str, Any], str]] = [
     ({"seed": 1}, "seed = 0, this one has 1"),
     ({"steps": 50}, "steps = 40, this one has 50"),
@@ -167,14 +149,6 @@ def test_a_checkpoint_of_another_run_is_refused_by_name(
     other = dataclasses.replace(flow, **changes)
     with pytest.raises(CheckpointError, match=expected):
         make_run(tiny(resume=True, **settings), other, tmp_path / "run").train()
-
-
-def test_the_truth_is_no_part_of_a_run(flow: Flow, tmp_path: Path) -> None:
-    interrupted_at(3, make_run(tiny(), flow, tmp_path / "run"))
-    other = dataclasses.replace(flow, truth=None, p=None, attributes={"box_height": 3.0})
-    again = make_run(tiny(resume=True), other, tmp_path / "run")
-    again.train()
-    assert again.trainer.finished
 
 
 def test_a_damaged_checkpoint_of_another_run_is_only_damaged(flow: Flow, tmp_path: Path) -> None:

@@ -13,10 +13,7 @@ import pytest
 from granpinn import identify
 from granpinn.config import Config, ConfigError
 from granpinn.fit import case
-from granpinn.identification import start
-from granpinn.training import continuation, room
 from tests.flows import make_flow
-from tests.runs import make_trainer, tiny
 
 ROOT = Path(__file__).parents[2]
 # Prints the estimate and the peak of the memory above that of the imports.
@@ -52,10 +49,8 @@ SMALL = {
 }
 # What each of them makes large: settings, and frames, rows and columns of the flow.
 LARGE: dict[str, tuple[dict[str, Any], tuple[int, int, int]]] = {
-    "network": ({"network.widths": [700, 700, 16], "optimizer.method": "adam"}, (4, 8, 8)),
     "members": ({"network.widths": [96, 96, 16], "members": 80}, (6, 12, 10)),
     "batches": ({"batch.interior": 1_500_000}, (6, 12, 10)),
-    "last layer": ({"network.widths": [16, 96]}, (20, 40, 40)),
     "points": ({"batch.collocation": 100}, (12, 40, 40)),
 }
 
@@ -94,18 +89,3 @@ def test_what_does_not_fit_is_refused_with_its_numbers(
     with pytest.raises(ConfigError, match=expected) as refusal:
         identify(flow, Config(device="cpu", **settings))
     assert f"got {free / 1e9:.3g} GB" in str(refusal.value)
-
-
-def test_a_batch_is_refused_before_its_networks_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    posed = case.pose(make_flow(), tiny())
-    monkeypatch.setattr(room, "available", lambda: 10**6)
-    monkeypatch.setattr(start, "Objective", None)
-    with pytest.raises(ConfigError, match=r"needs about 0.0\d+ GB .* got 0.001 GB: choose"):
-        start.start([posed, posed], tiny(), None, None, 0.0)
-
-
-def test_copies_that_do_not_fit_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    trainer = make_trainer(tiny(), make_flow())
-    monkeypatch.setattr(room, "available", lambda: 10**6)
-    with pytest.raises(ConfigError, match="got 0.001 GB"):
-        continuation.continued(trainer, [(0, trainer.objective.members[0])])

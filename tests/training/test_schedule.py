@@ -27,12 +27,6 @@ def test_the_learning_rate_falls_from_its_peak_to_its_end(decay: str, middle: fl
     assert rates == sorted(rates, reverse=True)
 
 
-def test_the_paper_goes_from_5e_4_to_1e_5() -> None:
-    s = schedule(total=100_000, final_fraction=0.02)
-    assert 5e-4 * s.learning_rate(0) == 5e-4
-    assert 5e-4 * s.learning_rate(99_999) == pytest.approx(1e-5, rel=1e-3)
-
-
 def test_each_stage_warms_up_and_decays() -> None:
     s = schedule(prefit=0.4, prefit_final_fraction=0.1, warm_up=0.05)
     assert [step for step in range(1000) if s.ends_prefit(step)] == [400]
@@ -44,10 +38,6 @@ def test_each_stage_warms_up_and_decays() -> None:
     assert s.learning_rate(400) == pytest.approx(1 / 30)
     assert s.learning_rate(430) == 1
     assert s.learning_rate(999) == pytest.approx(0, abs=0.01)
-
-
-def test_a_run_without_prefit_never_changes() -> None:
-    assert not any(schedule().ends_prefit(step) for step in range(1000))
 
 
 def test_the_end_of_the_run_is_averaged() -> None:

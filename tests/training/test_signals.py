@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import resource
 import signal
 import subprocess
 import sys
-import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +13,7 @@ import pytest
 
 from granpinn.data import Flow, write_flow
 from granpinn.errors import Interrupted
-from granpinn.signals import Signals, caught
+from granpinn.signals import caught
 from granpinn.simulation import Collapse, simulate
 from granpinn.training import checkpoint
 from tests.runs import make_run, tiny
@@ -104,22 +102,6 @@ def test_a_signal_in_the_last_layer_step_stops_the_run(
     assert again.trainer.solved
 
 
-def test_a_signal_just_before_the_last_layer_is_not_lost() -> None:
-    signals = Signals()
-    signals.handle(signal.SIGINT, None)
-    with pytest.raises(Interrupted, match="here") as stop:
-        signals.stop_at_once("here")
-    assert stop.value.signum == signal.SIGINT
-
-
-def test_handlers_are_put_back() -> None:
-    before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
-    with caught() as signals:
-        signal.raise_signal(signal.SIGTERM)
-        assert signals.received == signal.SIGTERM
-    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
-
-
 def test_a_full_disk_ends_the_run_and_leaves_the_checkpoint_before(
     flow_file: Path, tmp_path: Path
 ) -> None:
@@ -151,40 +133,6 @@ def test_a_full_disk_ends_the_run_and_leaves_the_checkpoint_before(
     found = checkpoint.newest(folder / "checkpoint")
     assert found is not None
     assert found.state.training.step > 0
-
-
-def test_the_limit_of_this_process_is_untouched() -> None:
-    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] == resource.RLIM_INFINITY
-
-
-def test_outside_the_main_thread_nothing_is_caught() -> None:
-    before = signal.getsignal(signal.SIGINT)
-    received: list[int | None] = []
-
-    def work() -> None:
-        with caught() as signals:
-            assert signal.getsignal(signal.SIGINT) is before
-            received.append(signals.received)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert received == [None]
-
-
-@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
-def test_an_ignored_signal_stays_ignored(signum: signal.Signals) -> None:
-    before = signal.signal(signum, signal.SIG_IGN)
-    try:
-        with caught() as signals:
-            signal.raise_signal(signum)
-            assert not signals.received
-            other = signal.SIGTERM if signum == signal.SIGINT else signal.SIGINT
-            signal.raise_signal(other)
-            assert signals.received == other
-        assert signal.getsignal(signum) is signal.SIG_IGN
-    finally:
-        signal.signal(signum, before)
 
 
 # Where a phase of a training begins: a function, and for steps the number of those before.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,12 +12,10 @@ import torch
 from granpinn import reference
 from granpinn.arrays import Float64
 from granpinn.config import Batch
-from granpinn.data import Flow, FlowFileError, write_flow
+from granpinn.data import FlowFileError
 from granpinn.data.flow import Source
 from granpinn.data.points import source_at
 from granpinn.fit.case import Case, pose
-from granpinn.inspection import quick
-from granpinn.inspection.momentum_balance import baseline
 from granpinn.kernels import ops
 from granpinn.training.objective import Objective
 from granpinn.training.operators import COMPILED, IN_TORCH
@@ -110,20 +107,3 @@ def test_a_wrong_function_is_refused(wrong: Source, message: str, case: Case) ->
     flow = replace(case.flow, source=wrong)
     with np.errstate(all="ignore"), pytest.raises(FlowFileError, match=message):
         source_at(case.member.data.points + 1, flow, case.scales)
-
-
-def test_what_has_gravity_alone_says_so(tmp_path: Path) -> None:
-    flow: Flow = make_flow(source=force)
-    with pytest.raises(FlowFileError, match="no place for the source term of a flow"):
-        write_flow(flow, tmp_path / "flow.h5")
-    assert not list(tmp_path.iterdir())
-    assert baseline(flow).reason == (
-        "the flow has a source of momentum, and the balance has gravity alone"
-    )
-
-
-def test_checks_of_the_fall_are_left_out() -> None:
-    """Grains that gain more energy than gravity gives are a slip, unless another force acts."""
-    weak = make_flow(gravity=(0.0, -1.0))
-    assert any("energy" in slip.sentence for slip in quick(weak).slips)
-    assert not quick(replace(weak, source=force)).slips

@@ -69,22 +69,6 @@ def test_the_schedule_fits_the_time_and_leaves_the_state_alone(flow: Flow, ticki
         assert torch.equal(tensor, before[name])
 
 
-def test_the_last_row_of_the_history_adds_no_step(flow: Flow, ticking: Clock) -> None:
-    config = limited(steps=40)
-    run = TrainingLoop(make_objective(config, flow), config, None, Silent(), until(130.0))
-    ticking.attach(run.trainer)
-    run.train()
-    assert run.trainer.step == 40
-    assert run.stopped == "steps"
-
-
-def test_the_schedule_has_no_more_steps_than_allowed(flow: Flow, ticking: Clock) -> None:
-    trainer = make_trainer(tiny(), flow)
-    ticking.attach(trainer)
-    assert time_limit.schedule_within(Limit(1e6, 1e6), trainer, at_most=77).total == 77
-    assert time_limit.schedule_within(Limit(-5.0, 1.0), trainer, at_most=77).total == 1
-
-
 @pytest.mark.parametrize(
     ("pace", "kept"),
     [
@@ -122,14 +106,6 @@ def test_a_run_ends_at_its_limit_though_its_pace_changes(
     rates = [row.learning_rate for row in run.histories[0].rows]
     assert rates[-1] < 0.02 * max(rates)
     assert totals[-1] == run.trainer.step
-
-
-def test_a_limit_that_does_not_bind_is_not_what_stopped_the_run(flow: Flow, ticking: Clock) -> None:
-    config = limited(steps=50)
-    run = TrainingLoop(make_objective(config, flow), config, None, Silent(), until(600.0))
-    ticking.attach(run.trainer)
-    run.train()
-    assert (run.trainer.step, run.stopped) == (50, "steps")
 
 
 def test_a_resumed_run_keeps_the_schedule(flow: Flow, ticking: Clock, tmp_path: Path) -> None:

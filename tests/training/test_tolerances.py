@@ -9,15 +9,11 @@ import numpy as np
 import pytest
 
 from granpinn.config import Config
-from granpinn.data import Flow, add_noise, read_flow, training_set
+from granpinn.data import Flow, add_noise, read_flow
 from granpinn.data.scaling import scales_of
-from granpinn.estimates import facts as facts_module
 from granpinn.estimates.facts import STEPS, Facts
-from granpinn.estimates.view import View, view_of
-from granpinn.physics.scales import Scales
 from granpinn.physics.terms import NAMES
 from granpinn.simulation import demo_path
-from granpinn.training import problem
 from granpinn.training.tolerances import (
     MOST_COLUMNS,
     RESOLVED,
@@ -25,7 +21,6 @@ from granpinn.training.tolerances import (
     law_rate,
     sigmas_of,
 )
-from tests.data.test_particles import FLOW as SCATTERED
 from tests.flows import make_chute, make_flow
 
 ROUNDED = 2 ** (0.5 / STEPS) - 1
@@ -69,29 +64,6 @@ def test_noise_is_measured_and_leaves_the_shear_rate(demo: Flow, sd: float) -> N
     )
 
 
-def test_few_vectors_take_all_of_their_noise() -> None:
-    assert VelocityNoise.of(facts(make_flow())).share == 1
-
-
-def test_scattered_vectors_have_facts() -> None:
-    found = facts(SCATTERED)
-    assert found.speed > 0
-    assert found.shear_rate > 0
-
-
-def test_too_few_vectors_for_a_measurement_have_the_stated_noise() -> None:
-    flow = make_flow(frames=1, rows=6, columns=5, attributes={"steady": 1})
-    flow = replace(flow, sigma_u=0.3, sigma_v=0.3)
-    assert facts(flow).sigma == pytest.approx(0.3 / scales_of(flow).velocity, rel=ROUNDED)
-
-
-def test_grains_at_rest_have_units() -> None:
-    flow = make_flow()
-    still = replace(flow, u=0 * flow.u, v=0 * flow.v)
-    found = facts(still)
-    assert (found.speed, found.shear_rate) == (1, 1)
-
-
 def test_tolerances_scale_with_the_flow() -> None:
     slow = make_flow()
     fast = replace(slow, u=2 * slow.u, v=2 * slow.v)
@@ -118,41 +90,3 @@ def test_the_law_is_relative_above_a_shear_rate() -> None:
     assert law_rate(sigmas, 0.03) == pytest.approx(2)
     assert law_rate(sigmas, 0.0) == math.inf
     assert law_rate([math.inf] * len(NAMES), 0.03) == math.inf
-
-
-def test_only_what_the_settings_need_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    flow = make_flow()
-    scales, data = scales_of(flow), training_set(make_flow(), scales_of(flow), "V2")
-
-    def fail(flow: Flow, scales: Scales) -> View:
-        raise AssertionError("the velocity was looked at")
-
-    monkeypatch.setattr(facts_module, "view_of", fail)
-    problem.build(Facts(flow, scales), data, Config(recipe="paper"))
-    with pytest.raises(AssertionError, match="looked at"):
-        problem.build(Facts(flow, scales), data, Config())
-
-
-def test_a_fact_is_measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    flow, made = make_flow(), []
-
-    def counted(flow: Flow, scales: Scales) -> View:
-        made.append(flow)
-        return view_of(flow, scales)
-
-    monkeypatch.setattr(facts_module, "view_of", counted)
-    found = facts(flow)
-    assert made == []
-    assert found.shear_rate > 0
-    assert (found.speed, found.sigma) == (found.speed, found.sigma)
-    assert found.slopes is found.slopes
-    assert made == [flow]
-    light = found.without_arrays()
-    assert (light.shear_rate, light.noise, light.independent()) == (
-        found.shear_rate,
-        found.noise,
-        found.independent(),
-    )
-    assert made == [flow]
-    np.testing.assert_array_equal(light.slopes.du, found.slopes.du)
-    assert made == [flow, flow]

@@ -15,19 +15,17 @@ from granpinn import results
 from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.fit import assumptions
-from granpinn.fit.case import Case, pose
+from granpinn.fit.case import pose
 from granpinn.identification import start
 from granpinn.identification.batch import identify_many
 from granpinn.identification.single import identify
 from granpinn.results.assumed import Assumed
-from granpinn.training.objective import Member
 from granpinn.uncertainty import sensitivity
 from granpinn.uncertainty.error_bars import judge
 from granpinn.uncertainty.error_model import Known
 from granpinn.uncertainty.sensitivity import Assumption, covariance, effects
-from tests.data.walled import line
 from tests.examples import make_result
-from tests.flows import make_chute, make_flow
+from tests.flows import make_flow
 from tests.runs import make_trainer, tiny
 
 LINE = Assumed("surface line", "m", 0.01, {"mu_s": 2.0, "mu_2": -5.0}, "one grain higher")
@@ -108,44 +106,6 @@ def test_the_surface_line_moves_by_its_standard_deviation() -> None:
     assert (upper.data.point_weights[:, 0] > 0).sum() > (lower.data.point_weights[:, 0] > 0).sum()
 
 
-def test_the_copies_keep_the_conditions_of_the_walls() -> None:
-    bed = dataclasses.replace(line((0, 0), (32, 0)), slip=np.zeros(2, np.float32))
-    case = pose(make_chute(walls=bed), tiny())
-    found = assumptions.surface(case)
-    assert found is not None
-    for member in found.pair():
-        assert len(member.data.wall_points) > 0
-        assert torch.equal(member.data.wall_points, case.member.data.wall_points)
-        assert torch.equal(member.data.wall_velocity, case.member.data.wall_velocity)
-
-
-def test_at_level_v0_the_outline_moves() -> None:
-    case = pose(make_flow(surface=None), tiny(level="V0"))
-    found = assumptions.surface(case)
-    assert found is not None
-    assert found.name == "outline"
-    lower, upper = found.pair()
-    assert torch.equal(lower.data.point_weights, upper.data.point_weights)
-    middle = (upper.data.surface_points + lower.data.surface_points) / 2
-    torch.testing.assert_close(middle, case.member.data.surface_points, rtol=0, atol=1e-6)
-
-
-def test_walls_all_around_leave_no_surface_to_move() -> None:
-    plates = line((0, 0), (32, 0), (np.nan, np.nan), (0, 14), (32, 14))
-    pressed = np.array([np.nan, np.nan, np.nan, 0.5, 0.5], np.float32)
-    layer = make_chute(surface=None, walls=dataclasses.replace(plates, p=pressed))
-    full = np.ones_like(layer.c)
-    shear = full * np.asarray(layer.y, np.float32)[:, None]
-    box = dataclasses.replace(layer, c=full, u=shear, v=0 * full)
-    assert assumptions.surface(pose(box, tiny(level="V0"))) is None
-
-
-def test_an_exact_surface_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sensitivity, "continued", None)
-    assert identify(solver(), tiny()).assumptions == ()
-    assert identify(make_flow(attributes={"surface_sd": 0.0}), tiny()).assumptions == ()
-
-
 def test_a_batch_gives_each_flow_its_own(tmp_path: Path) -> None:
     flows = [solver(), make_flow(), make_flow(attributes={"surface_sd": 0.02})]
     found = identify_many(flows, tiny(members=2, steps=200), run_dir=tmp_path)
@@ -156,13 +116,6 @@ def test_a_batch_gives_each_flow_its_own(tmp_path: Path) -> None:
     assert line.derivative is not None
     assert any(line.derivative.values())
     assert "surface line one grain higher: mu_s" in read.summary()
-
-
-def test_the_values_do_not_depend_on_the_assumptions() -> None:
-    exact, uncertain = (
-        identify(make_flow(attributes={"surface_sd": sd}), tiny()) for sd in (0.0, 0.02)
-    )
-    assert exact.theta == uncertain.theta
 
 
 def test_a_time_limit_keeps_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -183,25 +136,3 @@ def test_a_time_limit_keeps_time(monkeypatch: pytest.MonkeyPatch) -> None:
     with_rest = start.start(cases[:1], tiny(max_time=100.0, steps=None), None, None, 0.0)
     assert with_rest.limit is not None
     assert with_rest.limit.later == pytest.approx(20.0)
-
-
-def test_the_table_takes_any_assumption(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A constant of the equations, such as the grain diameter, is one more row."""
-
-    def grain(case: Case) -> Assumption:
-        def pair() -> tuple[Member, Member]:
-            made = []
-            for factor in (0.9, 1.1):
-                d = factor * case.member.problem.physics.grain_diameter
-                physics = case.member.problem.physics._replace(grain_diameter=d)
-                problem = dataclasses.replace(case.member.problem, physics=physics)
-                made.append(dataclasses.replace(case.member, problem=problem))
-            return made[0], made[1]
-
-        return Assumption("grain diameter", "1", 0.1, pair, "grains larger by 10 %", 0.1)
-
-    monkeypatch.setattr(assumptions, "TABLE", (*assumptions.TABLE, grain))
-    found = identify(make_flow(), tiny(steps=200)).assumptions
-    assert [a.name for a in found] == ["surface line", "grain diameter"]
-    assert found[1].derivative is not None
-    assert found[1].derivative["mu_2"] < 0  # a larger I for the same mu

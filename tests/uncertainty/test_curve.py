@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,16 +11,11 @@ import pytest
 from granpinn.physics.laws import LAWS
 from granpinn.results import (
     Covariance,
-    ErrorPercent,
     IdentifiedLaw,
-    Parameter,
-    Parameters,
-    Result,
     read_results,
     results_csv,
     write_results,
 )
-from granpinn.results.determined import Determined
 from granpinn.results.records import ErrorBars
 from granpinn.uncertainty.curve import POINTS, stress_points, with_curve
 from granpinn.uncertainty.determined import determined
@@ -41,20 +35,6 @@ def spread_of(low: float, high: float) -> Array:
     return np.geomspace(low, high, 2001)
 
 
-def coulomb(mu_s: float, **changes: object) -> Result:
-    usual = {
-        "law": IdentifiedLaw("coulomb"),
-        "parameters": Parameters(mu_s=Parameter(mu_s, fixed=False)),
-        "covariance": None,
-        "members": None,
-        "error_percent": ErrorPercent(),
-    }
-    return make_result(**(usual | changes))
-
-
-# ---- the band ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("half", [HALF, 3.2])
 def test_the_band_is_that_of_a_line_through_both_parameters(half: float) -> None:
     """sd(mu) = sqrt(J C J^T), by hand; symmetric in log mu."""
@@ -69,18 +49,6 @@ def test_the_band_is_that_of_a_line_through_both_parameters(half: float) -> None
     np.testing.assert_allclose(curve.mu, J @ [mu_s, mu_2])
     np.testing.assert_allclose(curve.low, curve.mu * np.exp(-reach))
     np.testing.assert_allclose(curve.high, curve.mu * np.exp(reach))
-
-
-def test_the_band_of_constant_friction_is_the_interval_of_its_parameter() -> None:
-    bars = ErrorBars((0.01, 0.02), 8.0, 2.0, "a test")
-    changes = {"covariance": covariance(np.array([[1e-4]]), "mu_s"), "error_bars": bars}
-    curve = with_curve(coulomb(0.4, **changes), spread_of(0.003, 0.5), np.ones(2001)).law.curve
-    assert curve is not None
-    np.testing.assert_allclose(curve.low, 0.4 * math.exp(-0.05))
-    np.testing.assert_allclose(curve.high, 0.4 * math.exp(0.05))
-
-
-# ---- the record ----------------------------------------------------------------------------------
 
 
 def test_the_curve_covers_the_range_that_the_data_determine() -> None:
@@ -109,15 +77,6 @@ def test_the_band_is_as_wide_as_the_intervals() -> None:
     assert widths[1] / widths[0] == pytest.approx(2, rel=0.01)
 
 
-def test_one_inertial_number_gives_one_friction() -> None:
-    law = with_curve(make_result(), np.full(50, 0.1), np.ones(50), np.full(50, 0.45)).law
-    assert law.I_range == (0.1, 0.1)
-    assert law.curve is not None
-    assert set(law.curve.I) == {0.1}
-    assert law.points is not None
-    assert (law.points.I, law.points.mu, law.points.count) == ((0.1,), (0.45,), (50,))
-
-
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
@@ -139,22 +98,6 @@ def test_without_error_bars_the_band_is_not_determined(
     assert law.reason is not None
     assert law.reason.endswith(reason)
     assert str(law).endswith("90 % band not determined")
-
-
-def test_without_a_meaning_there_is_no_curve() -> None:
-    nothing = Determined(0.0, 0.1, 0.05, 0.4, None, None, ("mu_s", "mu_2"), reason="walls move")
-    made = with_curve(make_result(determined=nothing), spread_of(0.01, 0.3), np.ones(2001))
-    assert made.law.curve is None
-    assert str(made.law).endswith("not determined: walls move")
-    row = results_csv.row(made)
-    assert [row[f"mu_at_I_{place}"] for place in results_csv.PLACES] == ["not determined"] * 3
-    assert row["I_low"] is None
-
-
-def test_grains_at_rest_have_no_range() -> None:
-    made = with_curve(make_result(), np.zeros(5), np.ones(5))
-    assert made.law == IdentifiedLaw("mu_of_i", reason="no grains shear")
-    assert results_csv.row(made)["mu_at_I_low"] is None
 
 
 def test_the_points_are_medians_with_16_to_84_percent() -> None:
@@ -213,9 +156,3 @@ def test_a_record_that_contradicts_itself_is_refused(
     values = {k: None if v is None else tuple(v) for k, v in change.items()}  # type: ignore[call-overload]
     with pytest.raises(ValueError, match=sentence):
         replace(curve, **values)
-
-
-def test_the_curve_of_coulomb_is_flat() -> None:
-    curve = with_curve(coulomb(0.33), spread_of(0.01, 0.3), np.ones(2001)).law.curve
-    assert curve is not None
-    assert set(curve.mu) == {0.33}

@@ -36,15 +36,6 @@ def test_the_range_decides(low: float, high: float, lost: tuple[str, ...]) -> No
     assert found_in(low, high, make_result(covariance=None)) == lost
 
 
-def test_weights_count() -> None:
-    number = np.geomspace(0.004, 0.3, 400)
-    weight = np.where((number > 0.1) & (number < 0.13), 1.0, 1e-9)
-    found = determined(make_result(), number, weight)
-    assert found is not None
-    assert found.lost == ("mu_s", "mu_2")
-    assert 0.1 < found.I_low < found.I < found.I_high < 0.13
-
-
 def test_a_wide_interval_determines_nothing() -> None:
     result = make_result()
     values = dict(result.parameters.items())
@@ -79,11 +70,6 @@ def test_the_friction_in_the_range_and_its_interval() -> None:
     assert found.interval_90[0] < found.mu < found.interval_90[1]
 
 
-def test_no_answer_without_shear_or_for_other_laws() -> None:
-    assert determined(make_result(), np.zeros(5), np.ones(5)) is None
-    assert determined(make_result(), np.array([]), np.array([])) is None
-
-
 def test_the_same_words_everywhere(tmp_path: Path) -> None:
     result = make_result()
     found = determined(result, np.linspace(0.1, 0.14, 200), np.ones(200))
@@ -104,8 +90,3 @@ def test_the_same_words_everywhere(tmp_path: Path) -> None:
     write_csv(made, tmp_path / "results.csv")
     assert (tmp_path / "results.csv").read_text().count("not determined") == 2
     assert "not determined" in str(made)
-
-
-def test_a_parameter_without_value_has_no_error_bars() -> None:
-    with pytest.raises(ValueError, match="not determined has no error bars"):
-        replace(make_result().parameters.mu_s, determined=False)

@@ -12,11 +12,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from granpinn.physics.laws import DEFAULT
 from granpinn.results.assumed import Assumed
 from granpinn.results.records import Members
 from granpinn.uncertainty import error_bars, error_model
-from granpinn.uncertainty.error_bars import center, nearest
 from granpinn.uncertainty.error_model import FEATURES, ErrorModel, Known, ends_of, line
 
 X, MU = (0.02, 0.3), (0.4, 0.64)
@@ -99,15 +97,6 @@ def test_beyond_the_fit_errors_grow_in_proportion(
     assert MODEL.outside(inside) == ()
 
 
-def test_better_than_tested_counts_as_the_best_that_was() -> None:
-    """A misfit of 0 is no surprise, and makes no error smaller."""
-    best = USUAL._replace(misfit=MODEL.tested["misfit"][0])
-    grows = dataclasses.replace(MODEL, lower=MODEL.lower | {"misfit": 1.0})
-    perfect = USUAL._replace(misfit=0.0, law=0.0)
-    assert grows.sd(perfect)[0] == pytest.approx(grows.sd(best)[0])
-    assert MODEL.outside(perfect) == ()
-
-
 def test_noise_counts_by_the_number_of_vectors_and_hides_misfit() -> None:
     noisy = USUAL._replace(noise=0.2, misfit=0.2, vectors=4000.0)
     found, fewer = (error_model.quantities(k) for k in (noisy, noisy._replace(vectors=1000.0)))
@@ -176,20 +165,6 @@ def test_intervals_cover_as_often_as_stated(seed: int) -> None:
     assert held / draws == pytest.approx(0.9, abs=0.025)
 
 
-def test_one_inertial_number_has_two_ends() -> None:
-    x = ends_of((0.1, 0.1), 0.3)
-    assert x[0] < x[1]
-    assert np.isfinite(continued(MODEL.method(USUAL._replace(x=x)), USUAL._replace(x=x))).all()
-
-
-def test_the_center_and_the_member_next_to_it() -> None:
-    found = Members((0, 1, 2), {"mu_s": (0.3, 0.4, 0.5), "mu_2": (0.5, 0.7, 0.6)})
-    assert center(found) == pytest.approx((0.4, 0.6))  # slopes 0.2, 0.3, 0.1
-    assert nearest(found, DEFAULT) == 1 or nearest(found, DEFAULT) == 2
-    one_off = Members((0, 1, 2), {"mu_s": (0.40, 0.41, 0.9), "mu_2": (0.60, 0.61, 1.2)})
-    assert nearest(one_off, DEFAULT) == 1
-
-
 def test_the_shipped_model_is_sound() -> None:
     usual = error_model.load()
     sd = usual.sd(USUAL)
@@ -235,11 +210,6 @@ def covariance_of(flows: list[Known]) -> Any:
     return J @ sum(MODEL.of_flows(flows)) @ J.T
 
 
-def test_one_flow_has_the_continuation_of_its_ends() -> None:
-    expected = continued(MODEL.method(OTHER) + MODEL.grains(OTHER), OTHER)
-    np.testing.assert_allclose(covariance_of([OTHER]), expected, rtol=1e-9)
-
-
 def test_flows_with_one_law_are_one_least_squares_fit(seed: int) -> None:
     """Generalised least squares over both ends of both flows, drawn from the model."""
     flows = [USUAL, OTHER, OTHER]
@@ -259,20 +229,6 @@ def test_flows_with_one_law_are_one_least_squares_fit(seed: int) -> None:
     np.testing.assert_allclose(found, fit @ C @ fit.T, rtol=1e-9)
 
 
-def test_two_flows_average_out_all_but_the_level_of_their_grains() -> None:
-    level = continued(MODEL.common * MODEL.level**2 * np.ones((2, 2)), OTHER)
-    once, twice = covariance_of([OTHER]) - level, covariance_of([OTHER, OTHER]) - level
-    np.testing.assert_allclose(twice, once / 2, rtol=1e-9, atol=1e-15)
-
-
-def test_the_slope_by_I0_is_that_of_the_law() -> None:
-    I, h = np.array([0.01, 0.4]), 1e-6
-    known = Known(ends_of((0.01, 0.4), 0.3), MU, I0=0.3)
-    assert known.parameters == {"mu_s": 0.4, "mu_2": 0.64, "I0": 0.3}
-    upper, lower = (np.log(DEFAULT.friction(I, *MU, 0.3 + e)) for e in (h, -h))
-    np.testing.assert_allclose(known.slopes[:, 2], (upper - lower) / (2 * h), rtol=1e-6)
-
-
 def test_I0_needs_flows_with_other_ranges() -> None:
     slow, fast = (Known(ends_of(I, 0.3), MU, I0=0.3) for I in ((0.01, 0.1), (0.2, 0.8)))
     assert error_bars.sd_of([fast, fast], MODEL)["I0"] == math.inf
@@ -283,10 +239,3 @@ def test_I0_needs_flows_with_other_ranges() -> None:
     low, high = found.parameters["I0"].interval_90
     assert low < 0.3 < high
     assert len(found.bars.method) == 3
-
-
-def test_a_flow_that_reaches_far_determines_mu_2_of_all() -> None:
-    narrow = USUAL._replace(x=(0.02, 0.04))
-    wide = error_bars.sd_of([narrow, OTHER._replace(real=False)], MODEL)
-    assert wide["mu_2"] < error_bars.sd_of([narrow], MODEL)["mu_2"] / 5
-    assert wide["mu_s"] < error_bars.sd_of([OTHER._replace(real=False)], MODEL)["mu_s"]

@@ -13,12 +13,11 @@ from granpinn.results.compared_law import ComparedLaw
 from granpinn.training.information import BOXES, Information
 from granpinn.uncertainty import law_choice
 from granpinn.uncertainty.curve import POINTS
-from granpinn.uncertainty.free_curve import Quadratic, basis, joined, model_covariance, quadratic
+from granpinn.uncertainty.free_curve import Quadratic, basis, model_covariance, quadratic
 from granpinn.uncertainty.law_choice import (
     Cohesion,
     CurveBand,
     Fit,
-    apart,
     choice,
     fits,
     with_cohesion,
@@ -84,13 +83,6 @@ def test_mu_of_i_excludes_a_constant_friction(I0: float) -> None:
     np.testing.assert_allclose(fit.mu, friction("mu_of_i", 0.38, 0.64, I0), atol=0.01)
 
 
-def test_a_power_law_is_kept() -> None:
-    records, chosen, _ = compared(friction("power", 0.35, 0.7, 1.0))
-    first = records[0]
-    assert "power" in (chosen, *first.not_told_apart_from)
-    assert "coulomb" not in first.not_told_apart_from
-
-
 def test_a_curve_of_no_named_law_stays_free() -> None:
     falls_and_rises = 0.4 + 0.06 * np.cos(3 * np.linspace(-1, 1, I.size))
     records, chosen, _ = compared(falls_and_rises)
@@ -100,28 +92,12 @@ def test_a_curve_of_no_named_law_stays_free() -> None:
     assert words.startswith("free curve explains these data; excluded: ")
 
 
-def test_a_curve_that_falls_below_zero_has_its_laws() -> None:
-    """Short trainings and few data give such curves."""
-    records, chosen, found = compared(np.linspace(-0.1, 0.5, I.size))
-    assert chosen == "free"
-    assert all(np.isfinite(fit.mu).all() for fit in found)
-    assert {record.law for record in records} >= {"coulomb", "mu_of_i", "power"}
-
-
 def test_laws_that_differ_by_less_than_the_band_are_not_told_apart() -> None:
     mu = friction("mu_of_i", 0.38, 0.45, 0.3)
     assert compared(mu, half=0.005)[1] == "mu_of_i"
     records, chosen, _ = compared(mu, half=0.05)
     assert chosen == "coulomb"
     assert "mu_of_i" in records[0].not_told_apart_from
-
-
-def test_curves_that_differ_without_a_worse_fit_are_not_told_apart() -> None:
-    band = CurveBand(I, 0 * I, 0 * I + 0.01, 0 * I + 0.01)
-    one = Fit(LAWS["coulomb"], (0.4,), {}, 0 * I + 0.02, 10.0, 0.0)
-    for chi2, told in ((10.0 + 0.9 * law_choice.CLEAR, False), (11 + law_choice.CLEAR, True)):
-        other = Fit(LAWS["mu_of_i"], (0.4, 0.5, 0.3), {}, 0 * I - 0.02, chi2, 0.0)
-        assert apart(one, other, band) is told
 
 
 def test_what_the_data_do_not_tell_is_not_determined() -> None:
@@ -154,15 +130,6 @@ def test_a_clear_cohesion_leaves_no_other_law() -> None:
     assert all(c.score <= 0 for c in wet if c.law != "free")
 
 
-def test_a_cohesion_that_may_be_zero_is_not_told_from_mu_of_i() -> None:
-    records, chosen, _ = compared(friction("mu_of_i", 0.38, 0.64, 0.3))
-    dry, of_dry = with_cohesion(records, chosen, cohesion(2.0))
-    assert of_dry == chosen
-    assert dry[-1].law == "cohesive"
-    assert "cohesive" in dry[0].not_told_apart_from
-    assert not dry[-1].parameters.c.determined
-
-
 def information(rng: np.random.Generator, L: int, prior: float = 0.0) -> Information:
     """J^T r and J^T J by boxes, of residuals that do not know the trained parameters."""
     J = rng.normal(size=(BOXES**3, 6, L))
@@ -173,16 +140,6 @@ def information(rng: np.random.Generator, L: int, prior: float = 0.0) -> Informa
     return Information(free_part, scores, squares, prior * torch.eye(L).double())
 
 
-def test_the_loss_is_least_at_the_trained_parameters(seed: int) -> None:
-    found = quadratic(information(np.random.default_rng(seed), N), N)
-    assert found is not None
-    np.testing.assert_allclose(found.scores.sum(0), 0, atol=1e-9)
-    for k in range(BOXES):
-        assert found.loss(k, found.center) == 0
-    left = sum(found.loss(k, found.without(k)) for k in range(BOXES))
-    assert left > 0  # blocks that are left out are explained less well
-
-
 def test_independent_residuals_have_the_covariance_of_their_number(seed: int) -> None:
     """White residuals of variance 1: V = H^-1 and tau = 1, up to the scatter of the boxes."""
     found = quadratic(information(np.random.default_rng(seed), N), N)
@@ -190,19 +147,6 @@ def test_independent_residuals_have_the_covariance_of_their_number(seed: int) ->
     assert found.temperature == pytest.approx(1, abs=0.6)
     ratio = np.diag(found.covariance) / np.diag(np.linalg.inv(found.curvature))
     assert np.all((ratio > 0.3) & (ratio < 4))
-
-
-def test_without_slopes_nothing_is_determined() -> None:
-    none = information(np.random.default_rng(0), N)
-    zero = Information(none.free, 0 * none.scores, 0 * none.information, none.prior)
-    assert quadratic(zero, N) is None
-
-
-def test_boxes_are_joined_to_larger_ones() -> None:
-    values = np.arange(BOXES**3, dtype=float)[:, None]
-    assert joined(values, (1, 1, 1)) == pytest.approx(values.sum())
-    by_time = joined(values, (1, 1, BOXES))[:, 0]
-    np.testing.assert_allclose(by_time, values.reshape(-1, BOXES).sum(0))
 
 
 def test_errors_of_the_law_are_those_of_its_ends() -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from granpinn.checks.profile_of_I0 import Profile
 from granpinn.results import Covariance, Parameter, Parameters, Result
-from granpinn.results.decoding import decode, encode
 from granpinn.results.determined import Determined
 from granpinn.results.records import ErrorBars
 from granpinn.results.summary import NORMAL_90
@@ -137,15 +136,3 @@ def test_a_mixture_holds_90_percent_of_its_draws() -> None:
         assert np.mean(values < low) == pytest.approx(0.05, abs=0.005)
         assert np.mean(values > high) == pytest.approx(0.05, abs=0.005)
         assert every.unknown[name].std == pytest.approx(values.std(), rel=0.02)
-
-
-def test_a_run_without_error_bars_gives_none() -> None:
-    bare = dataclasses.replace(run(), covariance=None)
-    found = with_unknown_I0(profile((False, False, False)), bare)
-    assert found.unknown is None
-    assert "with I0 unknown: no error bars, as the run has none" in str(found)
-
-
-def test_the_record_survives_the_file() -> None:
-    found = with_unknown_I0(profile((False, False, False)), run())
-    assert decode(Profile, encode(found)) == found

@@ -145,11 +145,6 @@ def table(found: Iterable[Judged], names: Sequence[str], of: Callable[[Judged], 
     return lines
 
 
-def error_bin(found: Judged) -> str:
-    """The name of the range of its error."""
-    return next(name for name, end in ERRORS.items() if found.error <= end)
-
-
 def report(found: Sequence[Judged]) -> str:
     """All tables."""
     lines = []

@@ -10,7 +10,7 @@ camera adds uneven light, blur, noise of reading and of photons, and 8 bits.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -63,7 +63,7 @@ class Shot:
 
 
 @dataclass
-class _Grains:
+class Grains:
     place: Array  # [2, n], m
     angle: Array  # [n]
     radius: Array  # [n], px
@@ -80,7 +80,9 @@ def frames(field: VelocityField, shot: Shot) -> Iterator[Picture]:
         now = max(k / shot.rate, 0.0)
         _move(field, grains, t, now - t, shot)
         t = now
-        yield _exposed(field, grains, t, k >= 0, shot, random)
+        span = shot.exposure / shot.rate / 3 if k >= 0 else 0.0
+        sides = [advect(field, grains.place, t, s * span) for s in (-1, 1)] if span else []
+        yield exposed([grains.place, *sides], grains, shot, random)
 
 
 def write(field: VelocityField, shot: Shot, folder: Path) -> Path:
@@ -91,7 +93,7 @@ def write(field: VelocityField, shot: Shot, folder: Path) -> Path:
     return folder / "frame_*.png"
 
 
-def _seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Generator) -> _Grains:
+def _seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Generator) -> Grains:
     """One grain in every square of 0.85 diameters: the picture of the inside has few gaps."""
     side = 0.85 * shot.grain * shot.pixel
     wide, high = shot.columns * shot.pixel, shot.rows * shot.pixel
@@ -110,12 +112,10 @@ def _seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Genera
         axis=-1,
     )
     radius = 0.5 * shot.grain * random.uniform(0.85, 1.15, n)
-    return _Grains(
-        place, random.uniform(0, 2 * np.pi, n), radius, random.uniform(70, 170, n), spots
-    )
+    return Grains(place, random.uniform(0, 2 * np.pi, n), radius, random.uniform(70, 170, n), spots)
 
 
-def _move(field: VelocityField, grains: _Grains, t: float, span: float, shot: Shot) -> None:
+def _move(field: VelocityField, grains: Grains, t: float, span: float, shot: Shot) -> None:
     """Moves and turns all grains; several midpoint steps of at most a pixel or so."""
     steps = 4
     e = shot.pixel * shot.grain
@@ -130,29 +130,17 @@ def _move(field: VelocityField, grains: _Grains, t: float, span: float, shot: Sh
             grains.place[0] = np.mod(grains.place[0], shot.period)
 
 
-def _exposed(
-    field: VelocityField,
-    grains: _Grains,
-    t: float,
-    moving: bool,
-    shot: Shot,
-    random: np.random.Generator,
+def exposed(
+    places: Sequence[Array], grains: Grains, shot: Shot, random: np.random.Generator
 ) -> Picture:
-    """What the camera makes of the grains around time t."""
-    span = shot.exposure / shot.rate
-    if moving and span > 0:
-        place = grains.place
-        early, late = (advect(field, place, t, s * span / 3) for s in (-1, 1))
-        places = [early, place, late]
-    else:
-        places = [grains.place]
+    """What the camera makes of grains that are at these places [2, n] while the shutter is open."""
     light = np.mean([_light(dataclasses.replace(grains, place=p), shot) for p in places], axis=0)
     light = gaussian_filter(light, shot.blur) * np.linspace(shot.light, 1, shot.columns)
     noise = np.sqrt(shot.read**2 + shot.photon * light) * random.standard_normal(light.shape)
     return np.asarray(np.clip(np.rint(light + noise), 0, 255), np.uint8)
 
 
-def _light(grains: _Grains, shot: Shot) -> Array:
+def _light(grains: Grains, shot: Shot) -> Array:
     """Light [rows, columns]: grains one over the other, row 0 at the top."""
     rows, columns = shot.rows * FINE, shot.columns * FINE
     picture = np.full(rows * columns, shot.background, np.float32)

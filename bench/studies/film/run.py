@@ -26,6 +26,7 @@ from granpinn.filming import FilmSettings
 from granpinn.filming.measurement import measure
 from granpinn.identification.single import identify
 from granpinn.inspection import Inspection
+from granpinn.results import Result
 
 I_0 = 0.3  # of the simulated and of the identified law
 NEAR = 3.0  # grain diameters from the surface or a wall
@@ -127,13 +128,30 @@ def laws(
         else:
             file = Path(f"{path}_{key}.h5")
             write_flow(one, file)
-            found = identify(read_flow(file), steps=steps, checks="none").parameters
-            mu_s, mu_2 = float(found["mu_s"].value), float(found["mu_2"].value)
+            result = identify(read_flow(file), steps=steps, checks="quick")
+            mu_s, mu_2 = (float(result.parameters[n].value) for n in ("mu_s", "mu_2"))
+            row |= _held(result, scene, key)
         row |= {f"mu_s_{key}": mu_s, f"mu_2_{key}": mu_2}
         curves[key] = mu_s + (mu_2 - mu_s) * I / (I + I_0)
     for a, b in (("film", "true"), ("film", "simulation"), ("true", "simulation")):
         row[f"{a}_to_{b}"] = float(np.sqrt(np.mean((curves[a] / curves[b] - 1) ** 2)))
     return {name: round(value, 4) for name, value in row.items()}
+
+
+def _held(result: Result, scene: scenes.Scene, key: str) -> dict[str, float]:
+    """Whether the 90 % interval of mu_s holds, and for which share of the I that of mu(I) does."""
+    truth = scene.flow.truth
+    assert truth is not None
+    ends = result.parameters["mu_s"].interval_90
+    row = {f"mu_s_held_{key}": math.nan if ends is None else ends[0] <= truth.mu_s <= ends[1]}
+    curve = result.law.curve
+    if curve is not None and curve.low is not None and curve.high is not None:
+        I = np.array(curve.I)
+        mu = truth.mu_s + (truth.mu_2 - truth.mu_s) * I / (I + I_0)
+        held = (np.array(curve.low) <= mu) & (mu <= np.array(curve.high))
+        width = np.log(np.array(curve.high) / np.array(curve.low)) / 2
+        row |= {f"band_held_{key}": float(held.mean()), f"band_{key}": float(width.mean())}
+    return row
 
 
 def main() -> None:

@@ -2,7 +2,7 @@
 
 The module of a gate starts itself again with --worker K N for each of its N jobs. What a worker
 prints, one line of JSON for each input, goes to the end of one file, FILE.rows beside --out
-FILE.json. So nothing is lost if the run is killed, and rows.py makes one record of several runs.
+FILE.json, so that nothing is lost if the run is killed.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.studies.reliability import rows
-from bench.studies.reliability.record import command_of
+from bench.studies.reliability.record import Record, command_of
 
 SETTINGS = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg", "CUDA_VISIBLE_DEVICES": ""}
 
@@ -34,7 +33,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(
     module: str,
-    gate: str,
+    gathered: Callable[[Iterable[dict[str, Any]]], Record],
     source: Path,
     words: Sequence[str],
     argv: Sequence[str] | None,
@@ -44,6 +43,7 @@ def run(
     """Start the workers, wait, and write the record; 1 if an input ended as it must not.
 
     Args:
+        gathered: the record of the rows of all workers.
         source: of the library, in C.
         needed: whether the workers cannot do without it, where there is no compiler.
         words: of the command line of a worker.
@@ -51,7 +51,8 @@ def run(
     """
     with tempfile.TemporaryDirectory() as made:
         path = Path(made) / "rows" if options.out is None else options.out.with_suffix(".rows")
-        rows.begin(path, command_of(module, argv), gate)
+        path.write_text("")
+        begin = time.monotonic()
         library = built(source, Path(made))
         if library is None and needed:
             print(f"{module} needs a C compiler: install cc", file=sys.stderr)
@@ -64,14 +65,29 @@ def run(
                 for k in range(options.jobs)
             ]
         ]
-        whole = rows.merged([path])
+        # A last line that was cut off is left out.
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+        record = gathered(json.loads(line) for line in lines if line.endswith("}\n"))
+    record.seconds, record.command = time.monotonic() - begin, command_of(module, argv)
     if any(ended):
         print("a worker ended early: its inputs are missing", file=sys.stderr)
-        whole["details"]["workers that ended early"] = sum(map(bool, ended))
+        record.details["workers that ended early"] = sum(map(bool, ended))
     if options.out is not None:
-        rows.write(options.out, whole)
-    rows.show(whole)
-    return int(bool(whole["failed"]) or any(ended))
+        record.write(options.out)
+    show(record)
+    return int(bool(record.failures) or any(ended))
+
+
+def show(record: Record) -> None:
+    """Print the outcomes of each format or case, and the kinds of failures."""
+    details = record.details
+    for name, row in (details.get("formats") or details.get("cases", {})).items():
+        print(f"{name:<24}" + ", ".join(f"{key} {value:.5g}" for key, value in row.items()))
+    for name, count in details.get("classes", {}).items():
+        print(f"{count:6} {name}")
+    for pair, names in details.get("not run", {}).items():
+        print(f"{pair}: not run, needs {names}")
+    print(f"{record.tried} tried, {len(record.failures)} failures, {record.seconds:.0f} s")
 
 
 def built(source: Path, folder: Path) -> Path | None:
@@ -103,11 +119,6 @@ class Worker:
         self._begin, self._seconds = time.monotonic(), options.seconds or float("inf")
         self._rows = os.fdopen(os.dup(1), "w")
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-
-    @property
-    def seconds(self) -> int:
-        """Since the start."""
-        return round(time.monotonic() - self._begin)
 
     @property
     def late(self) -> bool:

@@ -16,7 +16,8 @@ import shutil
 import sys
 import tempfile
 import warnings
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -25,6 +26,7 @@ from typing import Any
 from bench.studies.reliability import campaign, commands, damage, hdf5_edits, sandbox
 from bench.studies.reliability.campaign import Worker
 from bench.studies.reliability.judge import ALLOWED, BAIT, READER, described, fingerprint, judged
+from bench.studies.reliability.record import Record
 from bench.studies.reliability.samples import FORMATS, Files, Format, write_all
 
 MODULE = "bench.studies.reliability.mutants"
@@ -66,7 +68,7 @@ def work(pairs: list[tuple[str, str]], seeds: Sequence[int], options: argparse.N
         for target, seed in itertools.product(targets, seeds[start : start + BLOCK]):
             if worker.late:
                 return
-            worker.row(_row(target, seed, options.keep) | {"at": worker.seconds})
+            worker.row(_row(target, seed, options.keep))
 
 
 def _targets(pairs: list[tuple[str, str]], worker: Worker) -> Iterator[Target]:
@@ -148,6 +150,39 @@ def mutated(target: Target, seed: int, folder: Path) -> Files:
     return files
 
 
+def gathered(rows: Iterable[dict[str, Any]]) -> Record:
+    """The record of mutants."""
+    record = Record("F-1, F-2, F-4")
+    tables: dict[str, Counter[str]] = {}
+    worst: dict[str, dict[str, float]] = {}
+    classes: Counter[str] = Counter()
+    missing: dict[str, Any] = {}
+    warnings, watched = 0, False
+    for row in rows:
+        pair = f"{row['format']} {row['command']}"
+        if "not run" in row:
+            missing[pair] = row["not run"]
+            continue
+        tables.setdefault(pair, Counter())[row["outcome"]] += 1
+        worst.setdefault(pair, {"seconds": 0, "memory_ratio": 0})
+        for name in worst[pair]:
+            worst[pair][name] = max(worst[pair][name], row[name])
+        if row["failed"]:
+            classes[f"{pair}: {row['outcome']}: {row['class']}"] += 1
+        warnings += row["warnings"]
+        watched |= row.get("watched", False)
+        record.add(row["outcome"], row if row["failed"] else None)
+    record.details = {
+        "formats": {pair: dict(table) | worst[pair] for pair, table in tables.items()},
+        "classes": dict(classes.most_common()),
+        "warnings": warnings,
+        "files opened by libraries": "watched" if watched else "not",
+    }
+    if missing:
+        record.details["not run"] = missing
+    return record
+
+
 def _bait() -> bytes:
     """A valid flow file that no command is told to read."""
     return FORMATS["flow"].files()["flow.h5"]
@@ -163,7 +198,7 @@ def main(argv: list[str] | None = None) -> int:
     words = ["--format", *options.format, "--seeds", "{}:{}".format(*options.seeds)]
     words += ["--command", *options.command] if options.command else []
     words += ["--keep", str(options.keep.resolve())] if options.keep else []
-    return campaign.run(MODULE, "F-2", SOURCE, words, argv, options)
+    return campaign.run(MODULE, gathered, SOURCE, words, argv, options)
 
 
 def parse(argv: list[str]) -> argparse.Namespace:

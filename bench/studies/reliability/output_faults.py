@@ -18,7 +18,8 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,10 +27,10 @@ from typing import Any
 from bench.studies.reliability import campaign, commands, sandbox
 from bench.studies.reliability.campaign import Worker
 from bench.studies.reliability.outputs import CASES, Case, damaged
+from bench.studies.reliability.record import Record
 from bench.studies.reliability.samples import Files, read_all, write_all
 
 MODULE = "bench.studies.reliability.output_faults"
-GATE = "F-5, T-3"
 SOURCE = Path(__file__).with_name("faults.c")
 MODES = {
     "no space": {"ERRNO": str(errno.ENOSPC)},
@@ -85,7 +86,7 @@ def work(options: argparse.Namespace) -> None:
         if worker.late:
             return
         row = {"case": target.name, "mode": fault.mode, "at": fault.at, **_tried(target, fault)}
-        worker.row(row | {"after": worker.seconds})
+        worker.row(row)
 
 
 def _target(name: str) -> Target:
@@ -194,6 +195,22 @@ def _sentence(errors: str, case: Case, mode: str, target: str) -> str:
     return "" if name in lines[0] else "path not named"
 
 
+def gathered(rows: Iterable[dict[str, Any]]) -> Record:
+    """The record of faults in outputs: for each case how many there are, and those tried."""
+    record = Record("F-5, T-3")
+    cases: dict[str, Counter[str]] = {}
+    for row in rows:
+        table = cases.setdefault(row["case"], Counter(faults=0, tried=0))
+        if "faults" in row:
+            table["faults"] = max(table["faults"], row["faults"])
+            continue
+        table["tried"] += 1
+        table[row["outcome"]] += 1
+        record.add(row["outcome"], row if row["failed"] else None)
+    record.details = {"cases": {name: dict(table) for name, table in sorted(cases.items())}}
+    return record
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run all faults and write the record; exit code 1 if one ended as it must not."""
     options = parse(sys.argv[1:] if argv is None else argv)
@@ -201,7 +218,7 @@ def main(argv: list[str] | None = None) -> int:
         work(options)
         return 0
     words = ["--every", str(options.every), "--case", *options.case]
-    return campaign.run(MODULE, GATE, SOURCE, words, argv, options, needed=True)
+    return campaign.run(MODULE, gathered, SOURCE, words, argv, options, needed=True)
 
 
 def parse(argv: list[str]) -> argparse.Namespace:

@@ -11,7 +11,7 @@ import shlex
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -54,34 +54,24 @@ class Record:
         if failure is not None:
             self.failures.append(dict(failure))
 
-    def as_json(self, device: str | None = None) -> dict[str, Any]:
-        """The record with the date, the versions and the device.
-
-        Args:
-            device: where the inputs ran; the processor unless stated.
-        """
+    def write(self, path: Path) -> None:
+        """Write the record as JSON, with the date, the versions and the processor."""
         machine = describe()
         versions = {name: machine[name] for name in ("granpinn", "python", "torch", "compiler")}
-        whole: dict[str, Any] = plain(
-            {
-                "gate": self.gate,
-                "date": time.strftime("%Y-%m-%d"),
-                "versions": versions | _installed(),
-                "device": device or processor(),
-                "command": self.command,
-                "seconds": round(self.seconds, 1),
-                "tried": self.tried,
-                "outcomes": dict(sorted(self.outcomes.items())),
-                "failed": len(self.failures),
-                "failures": self.failures[:KEPT],
-                "details": self.details,
-            }
-        )
-        return whole
-
-    def write(self, path: Path, device: str | None = None) -> None:
-        """Write the record as JSON."""
-        text = json.dumps(self.as_json(device), indent=1, allow_nan=False)
+        whole = {
+            "gate": self.gate,
+            "date": time.strftime("%Y-%m-%d"),
+            "versions": versions | _installed(),
+            "device": f"{machine['processor']}, {machine['cores']} cores",
+            "command": self.command,
+            "seconds": round(self.seconds, 1),
+            "tried": self.tried,
+            "outcomes": dict(sorted(self.outcomes.items())),
+            "failed": len(self.failures),
+            "failures": self.failures[:KEPT],
+            "details": self.details,
+        }
+        text = json.dumps(plain(whole), indent=1, allow_nan=False)
         path.write_text(text + "\n", encoding="utf-8")
 
 
@@ -106,17 +96,6 @@ def read(path: Path) -> dict[str, Any]:
     if sum(found["outcomes"].values()) != found["tried"]:
         raise ValueError(f"{path}: the outcomes must add up to {found['tried']} inputs")
     return found
-
-
-def processor() -> str:
-    """The processor of this machine, and how many cores the process may use."""
-    machine = describe()
-    return f"{machine['processor']}, {machine['cores']} cores"
-
-
-def joined(values: Iterable[str]) -> str:
-    """What several runs have: each value once, in words."""
-    return " and ".join(dict.fromkeys(values))
 
 
 def command_of(module: str, argv: Sequence[str] | None = None) -> str:
