@@ -116,6 +116,12 @@ KEPT_BY_COMMANDS = (
         "mutants --command convert inspect --seeds 0:500",
     ),
     Attack(
+        "F-1, F-2, F-4",
+        "the same for DaVis buffers, and the seeds that were missing of the other formats",
+        "mutants_of_readers_again.json",
+        "mutants --command convert inspect --seeds 425:500",
+    ),
+    Attack(
         "F-5, T-3",
         "a fault at every write of every file, and a disk that is full at every 4 kB: one "
         "sentence, earlier files whole, then the same bits",

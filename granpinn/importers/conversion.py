@@ -118,8 +118,8 @@ def _window(fields: VectorFields, settings: Settings, frame: Frame) -> dict[str,
     if not fields.scattered and window > 1.01 * MENDED * spacing:
         warnings.warn(
             f"the windows are {window / spacing:.2g} spacings wide, and averaging mends "
-            f"{MENDED:g}: mu(I) may be some percent too large, which the error bars do not "
-            "contain; use windows that overlap by half",
+            f"{MENDED:g}: mu(I) at large I may be some percent too large; use windows that overlap "
+            "by half",
             FlowFileWarning,
             stacklevel=3,
         )

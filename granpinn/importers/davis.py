@@ -33,6 +33,8 @@ _TEXT_HEADER = re.compile(
     r"#\s*+DaVis\s++(\S++)\s++2D-vector\s++(\d++)\s++(\d++)\s++(\d++)\s*+(.*+)"
 )
 _MAX_TEXT_UNIT = 40
+# Memory for a small buffer. lvpyio fills all that it may take if the sizes in a file are damaged.
+LEAST_BYTES = 2**28
 
 
 def sniff_vc7(path: Path, head: bytes) -> bool:
@@ -52,7 +54,8 @@ def read_vc7(path: Path) -> VectorFields:
             f"{path} is a DaVis file, which needs LaVision's package lvpyio: pip install "
             "'granpinn[lavision]', or export it from DaVis as text"
         )
-    parts = [_frame(path, frame) for frame in read_file("davis", path, _size)]
+    frames = read_file("davis", path, _size, least_bytes=LEAST_BYTES)
+    parts = [_frame(path, frame) for frame in frames]
     if not parts:
         raise DataFileError(f"{path} has no frames: choose another set")
     first = parts[0]

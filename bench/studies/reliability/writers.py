@@ -153,7 +153,9 @@ def vc7(folder: Path) -> None:
         frame = np.zeros((scene.ROWS, scene.COLUMNS), dtype=lvpyio.vec2c)
         frame["u"], frame["v"] = (part[k] for part in scene.velocity())
         masked = np.ma.array(frame, mask=scene.codes()[k] == 0)
-        lvpyio.write_buffer(lvpyio.arrays_to_buffer([masked]), str(folder / f"B{k}.vc7"))
+        buffer = lvpyio.arrays_to_buffer([masked])
+        buffer[0].grid.x = buffer[0].grid.y = scene.X[1] - scene.X[0]
+        lvpyio.write_buffer(buffer, str(folder / f"B{k}.vc7"))
 
 
 def mask(folder: Path) -> None:
