@@ -60,10 +60,10 @@ def test_every_option_refuses_or_accepts_before_the_simulation(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def record(*arguments: object, **keywords: object) -> None:
+    def states(*arguments: object, **keywords: object) -> None:
         raise Computed
 
-    monkeypatch.setattr(run, "record", record)
+    monkeypatch.setattr(run, "states", states)
     settings = flags(BASES[scene], **{name: value})
     code = command.main([scene, *settings, "--out", str(tmp_path / "flow.h5")])
     err = capsys.readouterr().err
