@@ -29,6 +29,12 @@ TINY = {
     "simulated_pressure__frames": 2,
 }
 
+# Words of a command that trains for 60 steps and simulates with the law that it found.
+SIMULATED_AGAIN = (
+    *("--steps", "60", "--log-every", "20", "--network.widths", "8,8"),
+    *("--resimulate", "--verbose"),
+)
+
 
 def tiny(**changes: Any) -> Config:
     """The default recipe on a tiny network for 40 steps, 12 of them on the velocity alone."""

@@ -18,6 +18,7 @@ from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.simulation import Chute, simulate
 from tests.flows import make_chute
+from tests.runs import SIMULATED_AGAIN
 
 LAW = (0.3, 0.7, 0.3)
 
@@ -129,17 +130,10 @@ def test_the_command_has_both_opinions(
 ) -> None:
     figures()
     write_flow(flow, tmp_path / "chute.h5")
-    flags = [
-        "--steps",
-        "60",
-        "--log-every",
-        "20",
-        "--network.widths",
-        "8,8",
-        "--resimulate",
-        "--verbose",
-    ]
-    assert train.main([str(tmp_path / "chute.h5"), "--out", str(tmp_path / "run"), *flags]) == 0
+    assert (
+        train.main([str(tmp_path / "chute.h5"), "--out", str(tmp_path / "run"), *SIMULATED_AGAIN])
+        == 0
+    )
     printed = capsys.readouterr()
     assert "simulated again with this law: velocity off by" in printed.out
     assert "simulated pressure at" in printed.out

@@ -19,7 +19,7 @@ from granpinn.results.fields import after_start
 from granpinn.training.checkpoint import CheckpointError
 from granpinn.training.progress import Silent
 from tests.flows import make_chute, make_flow
-from tests.runs import tiny
+from tests.runs import SIMULATED_AGAIN, tiny
 
 BOTH = ("the same along x: no derivative along x", "steady: no time derivative")
 
@@ -92,17 +92,7 @@ def test_the_command_on_one_frame(
     names = ("velocity", "pressure", "friction_law", "momentum_residual")
     figures(*names)
     write_flow(make_chute(), tmp_path / "chute.h5")
-    flags = [
-        "--steps",
-        "60",
-        "--log-every",
-        "20",
-        "--network.widths",
-        "8,8",
-        "--resimulate",
-        "--verbose",
-    ]
-    assert main([str(tmp_path / "chute.h5"), "--out", str(tmp_path / "run"), *flags]) == 0
+    assert main([str(tmp_path / "chute.h5"), "--out", str(tmp_path / "run"), *SIMULATED_AGAIN]) == 0
     printed = capsys.readouterr()
     assert "simulated pressure at 1 times: the predicted pressure differs by" in printed.out
     assert "not simulated again: the flow is steady" in printed.out

@@ -12,12 +12,14 @@ import numpy as np
 from PIL import Image
 
 from bench.studies.experiment.particle_images import (
+    Array,
     Camera,
     grain_level,
     smoothed,
     surface_points,
     take_pair,
 )
+from bench.studies.experiment.particle_images import Image as Pixels
 from bench.studies.experiment.velocity_field import VelocityField
 from granpinn.data import Flow
 from granpinn.simulation import Collapse, simulate
@@ -81,16 +83,22 @@ def shoot(flow: Flow, pairs: int, pixel: float, displacement: float, out: Path, 
     lines = ["frame,x,y"]
     for k, t in enumerate(times):
         pair = take_pair(field, t, delay, camera, np.random.default_rng([seed, k]))
-        level = grain_level(pair)
-        # The PIV measures half a window beyond the grains, or its predictor would be 0 there.
-        masks = {"grains": level > 0.5, "mask": smoothed(level, 8.0) > 0.16}
-        for name, picture in zip("ab", pair, strict=True):
-            Image.fromarray(picture).save(folder / f"pair_{k:04d}_{name}.png")
-        for name, mask in masks.items():
-            Image.fromarray(np.where(mask, 255, 0).astype(np.uint8)).save(
-                folder / f"pair_{k:04d}_{name}.png"
-            )
-        lines += [f"{k},{x:.3f},{y:.3f}" for x, y in surface_points(level).T]
+        lines += write_pair(folder, k, pair, grain_level(pair))
     (out / "surface.csv").write_text("\n".join(lines) + "\n")
     # I has the density of a grain and the simulation the bulk density: d sqrt(rho_g / rho) agree.
     return Film(flow.grain_diameter * math.sqrt(FRACTION), field, camera, times, delay, folder)
+
+
+def write_pair(folder: Path, k: int, pair: tuple[Pixels, Pixels], level: Array) -> list[str]:
+    """Writes pair k with its masks; its points of the surface, rows of surface.csv.
+
+    Args:
+        level: 1 in the grains, 0 outside [rows, columns].
+    """
+    # The PIV measures half a window beyond the grains, or its predictor would be 0 there.
+    masks = {"grains": level > 0.5, "mask": smoothed(level, 8.0) > 0.16}
+    parts = dict(zip("ab", pair, strict=True))
+    parts |= {name: np.where(mask, 255, 0).astype(np.uint8) for name, mask in masks.items()}
+    for name, picture in parts.items():
+        Image.fromarray(picture).save(folder / f"pair_{k:04d}_{name}.png")
+    return [f"{k},{x:.3f},{y:.3f}" for x, y in surface_points(level).T]

@@ -18,6 +18,7 @@ import numpy as np
 from PIL import Image
 
 from bench.studies.film.render import SPOTS, Grains, Shot, exposed
+from bench.studies.film.scenes import MARGIN
 from bench.studies.grains.lammps import Lammps
 from bench.studies.grains.materials import Material
 from bench.studies.grains.scenes import SCENES
@@ -29,7 +30,6 @@ from granpinn.data import write_flow
 
 SCENE, SEED, GRAIN = "collapse_2", 5, 7.0  # px
 MM, GRAVITY = 1e-3, 9.81  # a grain is 1 mm wide
-MARGIN = 24  # px
 MOST = 20000  # grains
 TRACKED = ("id", *COLUMNS, "omegaz")
 

@@ -18,8 +18,8 @@ import numpy as np
 from PIL import Image
 
 from bench.studies.experiment.commands import convert, openpiv
-from bench.studies.experiment.film import FRACTION, Film
-from bench.studies.experiment.particle_images import Camera, grain_level, smoothed, surface_points
+from bench.studies.experiment.film import FRACTION, Film, write_pair
+from bench.studies.experiment.particle_images import Camera, grain_level
 from bench.studies.film import scenes
 
 PAIRS, WINDOW = 60, 16  # px
@@ -39,11 +39,7 @@ def pairs(scene: scenes.Scene, frames: Path, out: Path) -> Film:
         images = [np.asarray(Image.open(pictures[middle + s])) for s in (-1, 1)]
         first, second = (image[-camera.rows :, : camera.columns] for image in images)
         level = grain_level((first, second), sigma=shot.grain)
-        parts = {"a": first, "b": second, "grains": 255 * (level > 0.5)}
-        parts["mask"] = 255 * (smoothed(level, 8.0) > 0.16)
-        for name, picture in parts.items():
-            Image.fromarray(picture.astype(np.uint8)).save(folder / f"pair_{k:04d}_{name}.png")
-        lines += [f"{k},{x:.3f},{y:.3f}" for x, y in surface_points(level).T]
+        lines += write_pair(folder, k, (first, second), level)
     (out / "surface.csv").write_text("\n".join(lines) + "\n")
     times = ((middles + shot.first) / shot.rate).tolist()
     grain = scene.flow.grain_diameter * math.sqrt(FRACTION)
@@ -56,8 +52,7 @@ def main() -> None:
     parser.add_argument("--films", type=Path, required=True)
     parser.add_argument("--openpiv-python", required=True)
     own = parser.parse_args()
-    kind, seed, grain = own.scene.split("_")
-    scene: scenes.Scene = getattr(scenes, kind)(int(seed), grain=float(grain))
+    scene = scenes.named(own.scene)
     out = own.films / f"{own.scene}-openpiv"
     film = pairs(scene, own.films / own.scene, out)
     begin = time.monotonic()

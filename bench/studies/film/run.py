@@ -21,6 +21,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from bench.studies.film import render, scenes
+from bench.studies.grains.law import mu_of_i
 from granpinn.data import Flow, read_flow, write_flow
 from granpinn.filming import FilmSettings
 from granpinn.filming.measurement import measure
@@ -34,8 +35,7 @@ NEAR = 3.0  # grain diameters from the surface or a wall
 
 def measured(name: str, folder: Path) -> tuple[scenes.Scene, Flow, dict[str, Any]]:
     """A scene, the flow of its film, and a row of the table."""
-    kind, seed, grain = name.split("_")
-    scene: scenes.Scene = getattr(scenes, kind)(int(seed), grain=float(grain))
+    scene = scenes.named(name)
     shot = scene.shot
     frames = folder / name
     if len([*frames.glob("*.png")]) < shot.frames:
@@ -61,7 +61,7 @@ def measured(name: str, folder: Path) -> tuple[scenes.Scene, Flow, dict[str, Any
         now = line.t == field.number
         tree = cKDTree(np.stack([line.x[now], line.y[now]], -1))
         above = tree.query(np.stack([good.x, shot.rows - good.y], -1))[0] / shot.grain
-        wall = np.minimum(shot.rows - good.y, good.x if kind == "collapse" else np.inf)
+        wall = np.minimum(shot.rows - good.y, good.x if shot.period is None else np.inf)
         speeds += [np.hypot(u, v)] * 2
         aboves += [above] * 2
         walls += [wall / shot.grain] * 2
@@ -132,7 +132,7 @@ def laws(
             mu_s, mu_2 = (float(result.parameters[n].value) for n in ("mu_s", "mu_2"))
             row |= _held(result, scene, key)
         row |= {f"mu_s_{key}": mu_s, f"mu_2_{key}": mu_2}
-        curves[key] = mu_s + (mu_2 - mu_s) * I / (I + I_0)
+        curves[key] = mu_of_i({"mu_s": mu_s, "mu_2": mu_2, "I0": I_0}, I)
     for a, b in (("film", "true"), ("film", "simulation"), ("true", "simulation")):
         row[f"{a}_to_{b}"] = float(np.sqrt(np.mean((curves[a] / curves[b] - 1) ** 2)))
     return {name: round(value, 4) for name, value in row.items()}
@@ -146,8 +146,8 @@ def _held(result: Result, scene: scenes.Scene, key: str) -> dict[str, float]:
     row = {f"mu_s_held_{key}": math.nan if ends is None else ends[0] <= truth.mu_s <= ends[1]}
     curve = result.law.curve
     if curve is not None and curve.low is not None and curve.high is not None:
-        I = np.array(curve.I)
-        mu = truth.mu_s + (truth.mu_2 - truth.mu_s) * I / (I + I_0)
+        law = {"mu_s": truth.mu_s, "mu_2": truth.mu_2, "I0": I_0}
+        mu = mu_of_i(law, np.array(curve.I))
         held = (np.array(curve.low) <= mu) & (mu <= np.array(curve.high))
         width = np.log(np.array(curve.high) / np.array(curve.low)) / 2
         row |= {f"band_held_{key}": float(held.mean()), f"band_{key}": float(width.mean())}

@@ -49,6 +49,12 @@ class Scene:
         return out
 
 
+def named(name: str) -> Scene:
+    """A scene by its name KIND_SEED_GRAIN, such as collapse_401_6: 6 px for a grain."""
+    kind, seed, grain = name.split("_")
+    return {"collapse": collapse, "chute": chute}[kind](int(seed), grain=float(grain))
+
+
 def _field(flow: Flow) -> VelocityField:
     """The field of a flow at rest at t = 0, before its first frame, with no grains above its grid.
 
