@@ -27,7 +27,7 @@ from bench.device import launches
 from bench.processes import run_lines
 from bench.rivals import GRANPINN, OTHERS, OURS, Measured, Rival, Sizes
 from bench.studies import raw
-from granpinn.fit.case import choose_device
+from granpinn.training.parallel import choose_device
 
 JAX_SECONDS = 600.0
 PARTS = ("rows", "accuracy", "ensembles")

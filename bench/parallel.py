@@ -26,9 +26,9 @@ from bench.processes import run_lines
 from bench.studies import raw
 from granpinn import identify, identify_many
 from granpinn.config import Config
-from granpinn.fit.case import choose_device
 from granpinn.simulation import demo_path
 from granpinn.training import parallel
+from granpinn.training.parallel import choose_device
 
 GOAL = 1.9
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from granpinn.filming import film
     from granpinn.identification.batch import identify_many
     from granpinn.identification.identified import Identification, load
+    from granpinn.identification.one_law import one_law
     from granpinn.identification.single import identify
     from granpinn.importers import convert, flow, read
     from granpinn.inspection import inspect
@@ -45,6 +46,7 @@ __all__ = [
     "inspect",
     "laws",
     "load",
+    "one_law",
     "read",
     "read_flow",
     "simulate",
@@ -63,6 +65,7 @@ _HOMES = {
     "identify_many": "granpinn.identification.batch",
     "inspect": "granpinn.inspection",
     "load": "granpinn.identification.identified",
+    "one_law": "granpinn.identification.one_law",
     "read": "granpinn.importers",
     "read_flow": "granpinn.data",
     "simulate": "granpinn.simulation",

@@ -25,24 +25,20 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
 from granpinn.config import Config, ConfigError
-from granpinn.data import Flow
-from granpinn.fit.context import Context, values_alone
+from granpinn.fit.context import Context
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameters, Result
-from granpinn.results.record import Check, Record, Table
+from granpinn.results.record import NONE, Check, Record, Table
 from granpinn.results.result import BAND_POINTS
 from granpinn.training.guard import NonFiniteError
-from granpinn.training.progress import Progress
 from granpinn.uncertainty.unknown_I0 import ProfilePoint, unknown_I0
 
 STANDARD_ERRORS = 3.0
@@ -133,63 +129,40 @@ def require_mu_of_i(config: Config) -> None:
         )
 
 
-def settings_of(config: Config, steps: int | None = None) -> Config:
-    """The settings of every training of a profile; `steps` as in the settings by default."""
+def settings_of(config: Config, steps: int) -> Config:
+    """The settings of every training of a profile."""
     average = max(LEAST_AVERAGE, config.optimizer.average)
-    config = values_alone(config)
-    if steps is not None:
-        config = dataclasses.replace(config, steps=steps, max_time=None)
     return dataclasses.replace(
         config,
+        checks=NONE,
+        compare_laws=False,
+        free_I0=False,
+        resimulate=False,
+        steps=steps,
+        max_time=None,
         members=1,  # the seeds of the profile are its ensemble
         optimizer=dataclasses.replace(config.optimizer, average=average),
     )
 
 
-def profile_I0(
-    flow: Flow | str | os.PathLike[str],
-    config: Config,
-    identify_many: Callable[..., Sequence[Result]],
-    *,
-    steps: int | None = None,
-    run_dir: str | os.PathLike[str] | None = None,
-    progress: Progress | None = None,
-) -> Profile:
+def make(context: Context) -> Profile:
     """Train the grid of I0 as one batch, and make the profile.
 
-    Args:
-        flow, run_dir, progress: as for `granpinn.identify_many`, which is `identify_many`.
-        config: settings of every training; `profile` describes the grid.
-        steps: of every training, by default as in the settings.
-
     Raises:
-        As `identify_many`; NonFiniteError if too many trainings diverged; ConfigError if the law
-        is not mu(I).
+        As `identify_many`; NonFiniteError if too many trainings diverged.
     """
-    require_mu_of_i(config)
+    assert context.again is not None
+    config = context.case.config
     grid, seeds = grid_of(config), range(config.seed, config.seed + config.profile.seeds)
-    found = identify_many(
-        [flow] * (len(grid) * len(seeds)),
-        settings_of(config, steps),
+    found = context.again(
+        settings_of(config, context.result.timing.steps),
         [seed for _ in grid for seed in seeds],
         I0=[I0 for I0 in grid for _ in seeds],
-        run_dir=None if run_dir is None else Path(run_dir),
-        keep_fields=False,
-        progress=progress,
-    )
-    return profile_from(found, config.profile.law_accuracy)
-
-
-def make(context: Context) -> Profile:
-    assert context.identify_many is not None
-    profile = profile_I0(
-        context.flow,
-        context.case.config,
-        context.identify_many,
-        steps=context.result.timing.steps,
         run_dir=None if context.runs is None else context.runs / "profile",
+        keep_fields=False,
         progress=context.run.progress,
     )
+    profile = profile_from(found, config.profile.law_accuracy)
     unknown = unknown_I0(profile.points, profile.best, profile.allowed, context.result)
     return dataclasses.replace(profile, unknown=unknown)
 

@@ -23,7 +23,6 @@ from granpinn.config.fields import flag_of
 from granpinn.config.toml import read_toml
 from granpinn.config.values import convert
 from granpinn.data import Flow
-from granpinn.fit.case import choose_device
 from granpinn.output import objection_to_folder, owned
 from granpinn.tables import flows, output, study
 from granpinn.tables.rows import TableCase
@@ -173,7 +172,7 @@ def run(argv: Sequence[str]) -> int:
 
 def _run(request: TablesRequest, rank: int) -> int:
     listener: progress.Progress = progress.automatic() if rank == 0 else progress.Silent()
-    choose_device(request.config.device)
+    parallel.choose_device(request.config.device)
     found = _flows(request, rank)
     cases = [
         case
@@ -203,7 +202,7 @@ def _flows(request: TablesRequest, rank: int) -> list[Flow]:
     # The name holds the grid, so flows of another grid keep their files.
     stride = "" if request.stride is None else f"-stride-{request.stride}"
     folder = request.out / f"flows-{request.cells}{stride}"
-    together = parallel.processes(choose_device(request.config.device))
+    together = parallel.processes(request.config.device)
     found = []
     if rank == 0:
         found = flows.six_regimes(folder, request.cells, request.stride, say)

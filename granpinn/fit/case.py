@@ -38,7 +38,6 @@ from granpinn.estimates.inertia import inertial_numbers
 from granpinn.fit.scoring import strain_rate_of
 from granpinn.inspection import refuse_slips
 from granpinn.inspection.momentum_balance import Baseline, baseline
-from granpinn.kernels import builds
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, FrictionLaw
@@ -46,6 +45,7 @@ from granpinn.physics.scales import Scales
 from granpinn.results.record import Reason
 from granpinn.training import problem, room
 from granpinn.training.objective import Member
+from granpinn.training.parallel import choose_device
 
 COPIES = 4  # of a network, for the assumptions of one flow (assumptions.py)
 
@@ -286,20 +286,3 @@ def member_seed(seed: int, k: int) -> int:
         return seed
     digest = hashlib.sha256(f"{seed} {k}".encode()).digest()
     return int.from_bytes(digest[:8], "big") >> 1
-
-
-def choose_device(name: str) -> torch.device:
-    """The device for "auto", "cpu" or "cuda"; ConfigError if it cannot be used."""
-    kernels = torch._C._dispatch_has_kernel_for_dispatch_key("granpinn::residual_loss", "CUDA")
-    if name == "cuda" and not kernels:
-        raise ConfigError(
-            f"--device cuda needs the CUDA kernels ({builds.cuda_missing()}): install the wheel "
-            "with them, or build granpinn where nvcc is, or use --device cpu"
-        )
-    if name == "cuda" and not torch.cuda.is_available():
-        raise ConfigError(
-            "--device cuda needs a GPU that torch can use, and torch.cuda.is_available() is false: "
-            "python -m granpinn.doctor says why; or use --device cpu"
-        )
-    usable = kernels and torch.cuda.is_available()
-    return torch.device("cuda" if usable and name != "cpu" else "cpu")

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from granpinn.config import Config
-from granpinn.data import Flow
 from granpinn.fit import ensemble, prediction
 from granpinn.fit.case import Case, Model
 from granpinn.fit.free_curve import with_free_band
@@ -27,7 +24,6 @@ from granpinn.uncertainty.sensitivity import Assumption
 class Context:
     """
     Attributes:
-        flow: as it was given.
         result: all that is known so far; with a folder it is on the disk.
         case, model: the member that is shown, and its network.
         run, place: the training, and the place of this member in it.
@@ -39,13 +35,10 @@ class Context:
         shear: the points of the fields where grains shear.
         runs: where the folders of further trainings are.
         pool: threads for simulations side by side.
-        identify_many: identifies further flows (identification/batch.py).
+        again: identifies this flow again: `granpinn.identify_many` from its second argument on.
         shown: called with the result whenever it has grown.
-        ranges: of I of all flows that have the law of this one; (): it has a law of its own.
-        flows: the fits of the flows, in a fit of several flows with one law.
     """
 
-    flow: Flow | str | os.PathLike[str]
     result: Result
     case: Case
     model: Model
@@ -59,10 +52,8 @@ class Context:
     shear: Shear | None = None
     runs: Path | None = None
     pool: Executor | None = None
-    identify_many: Callable[..., Sequence[Result]] | None = None
+    again: Callable[..., Sequence[Result]] | None = None
     shown: Callable[[Result], None] | None = None
-    ranges: Sequence[tuple[float, float]] = ()
-    flows: Sequence[Context] = ()
 
     def keep(self, result: Result) -> None:
         """Take a result that has grown: write it and show it.
@@ -111,16 +102,5 @@ class Context:
     def draw_curve(self) -> None:
         """Take the law over the range of I where grains shear, with its band."""
         assert self.shear is not None
-        result = with_curve(self.result, self.case, self.shear, self.ranges)
+        result = with_curve(self.result, self.case, self.shear)
         self.result = with_free_band(result, self.case, self.run, self.place)
-
-
-def values_alone(config: Config) -> Config:
-    """The settings of a training for its values alone, without checks."""
-    return dataclasses.replace(
-        config,
-        checks="none",
-        compare_laws=False,
-        free_I0=False,
-        resimulate=False,
-    )

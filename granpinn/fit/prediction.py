@@ -13,7 +13,6 @@ The points where grains shear show the law, and give it over their I.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple, get_args
 
 import numpy as np
@@ -234,21 +233,16 @@ def inertial_range(data: TrainingSet, model: Model) -> tuple[float, float] | Non
     return percentiles(number, np.ones(number.shape))
 
 
-def with_curve(
-    result: Result, case: Case, shear: Shear, ranges: Sequence[tuple[float, float]] = ()
-) -> Result:
+def with_curve(result: Result, case: Case, shear: Shear) -> Result:
     """The result with its law over the I of the points that shear, and without the parameters that
     this range, or the walls, do not determine.
 
     The loss weights every point alike.
-
-    Args:
-        ranges: of I of all flows that have this law; (): this flow only.
     """
     weight = np.ones(shear.I.shape)
     reason = undetermined(case.seen, case.config.level)
     if reason is not None:
         result = applied(result, unfixed(result, shear.I, weight, reason))
-    elif (found := determined(result, shear.I, weight, ranges)) is not None:
+    elif (found := determined(result, shear.I, weight)) is not None:
         result = applied(result, found)
     return curve_over(result, shear.I, weight, shear.ratio)

@@ -5,18 +5,17 @@ What follows the values can fail without harm to them. In the file it is "not do
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from granpinn.checks.comparison_of_laws import places
-from granpinn.data import Flow
 from granpinn.fit import assumptions, ensemble
 from granpinn.fit.case import Case
 from granpinn.fit.context import Context
 from granpinn.fit.network import FILE, TrainedNetwork, write_network
 from granpinn.identification.identified import Identification, in_folder, in_memory
+from granpinn.identification.start import parts_of
 from granpinn.output import OutputError, replacing
 from granpinn.results import Result
 from granpinn.results.attempt import PENDING, NotDone, attempt
@@ -29,22 +28,19 @@ LEFT_OUT = "--checks none leaves it out"
 
 
 def valued(
-    flow: Flow | str | os.PathLike[str],
     cases: Sequence[Case],
     run: TrainingLoop,
     first: int,
     checks: Sequence[Check],
-    folder: Path | None = None,
-    keep_fields: bool = True,
-    others: int | None = None,
+    folder: Path | None,
+    keep_fields: bool,
+    others: int,
 ) -> Context:
     """The fit of an ensemble, the members of the run from `first` on, with its values on the disk.
 
     Args:
-        flow: as it was given.
         checks: those that will follow; they are pending until then.
-        others: place of the first companion of these cases (checks/comparison_of_laws.py), by
-            default behind them.
+        others: place of the first companion of these cases (checks/comparison_of_laws.py).
 
     Raises:
         OutputError: a file cannot be written.
@@ -62,14 +58,13 @@ def valued(
     for part in [*parts, ASSUMPTIONS] if uncertain else parts:
         result = result.without(part, PENDING)
     context = Context(
-        flow,
         result,
         case,
         model,
         run,
         e,
         uncertain,
-        places(case, e, first + len(cases) if others is None else others),
+        places(case, e, others),
         folder,
         keep_fields,
     )
@@ -106,7 +101,7 @@ def with_intervals(contexts: Sequence[Context], run: TrainingLoop) -> None:
         context.keep(ensemble.with_assumptions(result, context.case, effects))
 
 
-def with_curve(context: Context, shown: Callable[[Result], None] | None = None) -> None:
+def with_curve(context: Context, shown: Callable[[Result], None] | None) -> None:
     """Find the law over the range of I that the data have; the answer is known then.
 
     Args:
@@ -129,11 +124,6 @@ def kept(context: Context) -> Identification:
     rows = context.run.histories[context.place].rows
     parts = in_memory(trained, case.flow, model.law, rows, context.fields)
     return Identification.of(context.result, parts)
-
-
-def parts_of(folder: Path, count: int) -> list[Path]:
-    """The folders of the histories of `count` members of a run."""
-    return [folder] if count == 1 else [folder / "members" / f"{k:02d}" for k in range(count)]
 
 
 def require_kept(folder: Path) -> None:

@@ -6,44 +6,29 @@ import dataclasses
 import json
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import wait
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 from granpinn import results
-from granpinn.checks import momentum_balance, wanted
-from granpinn.checks.comparison_of_laws import companions
+from granpinn.checks import wanted
 from granpinn.config import Config, ConfigError
 from granpinn.config.settings import config_of
 from granpinn.data import Flow
 from granpinn.declared import checked
-from granpinn.fit.case import Case, choose_device, fixed_values, members, posed, sound
-from granpinn.fit.context import Context
-from granpinn.identification import answer
+from granpinn.fit.case import Case, fixed_values, posed, sound
 from granpinn.identification.identified import Identification, in_folder
-from granpinn.identification.start import (
-    CHECKS,
-    ERROR_BARS,
-    folder_of,
-    histories,
-    prepare,
-    start,
-)
+from granpinn.identification.run import run
+from granpinn.identification.start import folder_of, prepare
 from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.results import Result
-from granpinn.results.record import make
-from granpinn.simulation.threads import threads
-from granpinn.training.parallel import gather_texts, processes
+from granpinn.simulation.threads import beside_gpu
+from granpinn.training.history import Row
+from granpinn.training.parallel import Processes, gather_texts, processes
 from granpinn.training.progress import Progress
 
 FlowLike = Flow | str | os.PathLike[str]
-
-# Threads that hold Python wait for each other, 5 ms at a time: 30 members took 31 s after their
-# training with 16 threads, 20 s with 4 and 22 s with 2 (bench/studies/performance/note.md).
-SIDE_BY_SIDE = 4
 
 
 @checked
@@ -90,7 +75,6 @@ def identify_many(
     """
     begin = time.monotonic()
     config = config_of(config, settings)
-    root, checks = folder_of(run_dir), [check for check in wanted(config) if not check.trains]
     if not flows:
         raise ConfigError("flows must hold at least one flow, got none")
     configs = [
@@ -103,13 +87,34 @@ def identify_many(
             strict=True,
         )
     ]
-    group = processes(choose_device(config.device))
-    with owned(None if group.rank else root), ExitStack() as at_end:
+    folder = folder_of(run_dir)
+    return side_by_side(flows, configs, config, folder, progress, begin, keep_fields=keep_fields)
+
+
+def side_by_side(
+    flows: Sequence[FlowLike],
+    configs: Sequence[Config],
+    config: Config,
+    root: Path | None,
+    progress: Progress | None,
+    begin: float,
+    *,
+    keep_fields: bool = True,
+    on_step: Callable[[Row], Any] | None = None,
+) -> list[Identification]:
+    """Identify flows, each with its own settings, in one batch with those that all share.
+
+    The arguments are those of `identify_many` and `identify`; `begin`: where a time limit begins.
+    """
+    checks = [check for check in wanted(config) if not check.trains]
+    group = processes(config.device)
+    with owned(None if group.rank else root):
         if root is not None and group.rank == 0:
             prepare(root, config)
         group.barrier()
         own = range(group.rank, len(flows), group.size)
-        cases = _pose([flows[e] for e in own], [configs[e] for e in own])
+        on_gpu = group.device.type == "cuda"
+        cases = _pose([flows[e] for e in own], [configs[e] for e in own], on_gpu)
         folder = root
         parts: list[Path | None] = [None] * len(cases)
         if root is not None:
@@ -121,47 +126,19 @@ def identify_many(
             ]
         found: list[Identification] = []
         if cases:
-            K = config.members
-            every = [member for case in cases for member in members(case)]
-            places = [place for part in parts for place in histories(part, K)]
-            others = [companions(case) for case in cases]
-            every += [other for own in others for other in own]
-            places += [None] * (len(every) - len(places))
-            listener = progress if group.rank == 0 else None
-            run = start(every, config, folder, listener, begin, places, None, checks, len(cases))
-            at_end.callback(run.progress.stop)
-            with threads(1) as beside:
-                ahead = []
-                if run.trainer.params.is_cuda:  # the cores of the CPU are idle
-                    ahead = [beside.submit(momentum_balance.prepare, case) for case in cases]
-                run.train()
-                for later in ahead:  # what has not begun is made by all cores, in its place
-                    later.cancel()
-            behind = [len(cases) * K + sum(map(len, others[:e])) for e in range(len(cases))]
-            run.progress.stage(ERROR_BARS)
-
-            def valued(e: int) -> Context:
-                ensemble, first = every[e * K : (e + 1) * K], e * K
-                context = answer.valued(
-                    cases[e].flow, ensemble, run, first, checks, parts[e], keep_fields, behind[e]
-                )
-                answer.with_fields(context)
-                context.fields = None  # those of all members would not fit into memory
-                return context
-
-            contexts = _side_by_side(valued, range(len(cases)), config.device)
-            answer.with_intervals(contexts, run)
-            run.progress.stage(CHECKS)
-            # One pool for all members: every core simulates as long as frames are left.
-            with threads(max(1, _cores() // group.size)) as pool:
-
-                def finished(context: Context) -> Identification:
-                    answer.with_curve(context)
-                    context.pool = pool
-                    make(context, checks)
-                    return answer.kept(context)
-
-                found = _side_by_side(finished, contexts, config.device)
+            found = run(
+                cases,
+                config,
+                checks,
+                folder,
+                parts,
+                progress if group.rank == 0 else None,
+                begin,
+                Processes(group.device),
+                sharers=group.size,
+                keep_fields=keep_fields,
+                on_step=on_step,
+            )
         return found if group.size == 1 else _in_order(found, len(flows), root)
 
 
@@ -178,20 +155,7 @@ def _in_order(found: Sequence[Result], count: int, root: Path | None) -> list[Id
     ]
 
 
-S = TypeVar("S")
 T = TypeVar("T")
-
-
-def _side_by_side(work: Callable[[S], T], items: Iterable[S], device: str) -> list[T]:
-    """`work` on every item: with a GPU in parallel; on a CPU in turn, as torch uses all cores."""
-    with threads(SIDE_BY_SIDE if choose_device(device).type == "cuda" else 1) as pool:
-        begun = [pool.submit(work, item) for item in items]
-        wait(begun)  # the error of one item leaves the others
-        return [item.result() for item in begun]
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0))
 
 
 def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> Sequence[T]:
@@ -202,12 +166,11 @@ def _one_each(name: str, values: Sequence[T] | None, default: T, count: int) -> 
     return [default] * count if values is None else values
 
 
-def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
+def _pose(flows: Sequence[FlowLike], configs: Sequence[Config], on_gpu: bool) -> list[Case]:
     """The cases; a repeated flow is read once, and without noise its cases share the data."""
     keys = [id(flow) if isinstance(flow, Flow) else str(flow) for flow in flows]
-    device = configs[0].device if configs else "cpu"
     distinct = dict(zip(keys, flows, strict=True))
-    read = dict(zip(distinct, _side_by_side(sound, distinct.values(), device), strict=True))
+    read = dict(zip(distinct, beside_gpu(sound, list(distinct.values()), on_gpu), strict=True))
     plain: dict[int | str, Config] = {}
     for key, config in zip(keys, configs, strict=True):
         if not config.noise:
@@ -216,7 +179,7 @@ def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
     def alone(key: int | str, config: Config) -> Case:
         return posed(*read[key], config)
 
-    posed_once = _side_by_side(lambda pair: alone(*pair), plain.items(), device)
+    posed_once = beside_gpu(lambda pair: alone(*pair), list(plain.items()), on_gpu)
     clean = dict(zip(plain, posed_once, strict=True))
 
     def case(key: int | str, config: Config) -> Case:
@@ -228,5 +191,5 @@ def _pose(flows: Sequence[FlowLike], configs: Sequence[Config]) -> list[Case]:
         member = dataclasses.replace(first.member, seed=config.seed, law=law, fixed=fixed)
         return dataclasses.replace(first, config=config, member=member)
 
-    pairs = zip(keys, configs, strict=True)
-    return _side_by_side(lambda pair: case(*pair), pairs, device)
+    pairs = list(zip(keys, configs, strict=True))
+    return beside_gpu(lambda pair: case(*pair), pairs, on_gpu)

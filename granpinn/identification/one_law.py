@@ -1,32 +1,45 @@
-"""Several flows of one material to one friction law."""
+"""Several flows of one material to one friction law: each by itself, then the law of all."""
 
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import os
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from granpinn.checks import comparison_of_laws, shared_law, wanted
+import numpy as np
+
+from granpinn.checks import shared_law, wanted
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
-from granpinn.estimates.confined import undetermined
-from granpinn.fit.case import Case, choose_device, members, pose
-from granpinn.fit.one_law import result_of, share_error_bars, with_free_I0
-from granpinn.identification import answer
-from granpinn.identification.batch import identify_many
+from granpinn.declared import checked
+from granpinn.errors import BadInput
+from granpinn.fit.scoring import scalar_error
+from granpinn.identification.batch import side_by_side
 from granpinn.identification.identified import Identification, of_flows
-from granpinn.identification.start import CHECKS, ERROR_BARS, histories, prepare, start
 from granpinn.output import owned
-from granpinn.results import Result
-from granpinn.results.record import make
-from granpinn.simulation.threads import threads
-from granpinn.training.guard import NonFiniteError
+from granpinn.physics.laws import DEFAULT
+from granpinn.results import (
+    DataSummary,
+    ErrorPercent,
+    Input,
+    Parameter,
+    Parameters,
+    Result,
+    write_csv,
+    write_results,
+)
+from granpinn.results.identified_law import IdentifiedLaw
+from granpinn.results.records import Assumed
+from granpinn.results.result import FlowOfLaw
 from granpinn.training.history import Row
 from granpinn.training.parallel import processes
 from granpinn.training.progress import Progress
+from granpinn.uncertainty import one_law as fitted
+from granpinn.uncertainty.determined import Range, applied, determined_over, over
+from granpinn.uncertainty.one_law import OneLaw
 
 
 def identify_one_law(
@@ -38,108 +51,136 @@ def identify_one_law(
     on_values: Callable[[Result], Any] | None,
     begin: float,
 ) -> Identification:
-    """The law that all flows have, trained as one batch; arguments and errors as of `identify`.
+    """The law of all flows, trained side by side; arguments and errors as of `identify`.
 
-    Network k of every flow is in one group: they share theta (training/objective.py). The
-    subfolders 000, 001, ... get the files that `identify` writes, one subfolder for each flow.
+    The subfolders 000, 001, ... get the files of each flow.
 
     Raises:
-        ConfigError: the settings ask for a check of a single flow, or a flow cannot take part.
+        ConfigError: the settings ask for another law, or for a check that trains on one flow.
+        CannotGoOn: a flow does not determine mu(I).
     """
-    checks, together = wanted(config), processes(choose_device(config.device))
-    single = (comparison_of_laws.CHECK, *(check for check in checks if check.trains))
-    own = [check for check in checks if check not in single]
-    for check in checks:
-        if check in single and check is not shared_law.CHECK and check.asked(config):
+    if config.law != DEFAULT.name:
+        raise ConfigError(
+            f"one law of several flows is {DEFAULT.title}, got --law {config.law}: leave it out"
+        )
+    for check in wanted(config):
+        if check.trains and check.asked(config):
             raise ConfigError(
                 f"{check.name.replace('_', ' ')} is a check of one flow, got {len(flows)} flows "
                 "with one law: leave it out, or train on one flow"
             )
-    cases, of_I0 = with_free_I0([_posed(flow, config) for flow in flows])
-    K = config.members
-    every = [member for case in cases for member in _in_groups(case)]
-    with (
-        owned(None if together.rank else folder),
-        threads(len(os.sched_getaffinity(0))) as pool,
-        ExitStack() as at_end,
-    ):
-        parts: list[Path | None] = [None] * len(cases)
-        if folder is not None:
-            parts = [folder / f"{f:03d}" for f in range(len(cases))]
-        if together.rank > 0:
-            progress = None
-        elif folder is not None:
-            prepare(folder, config)
-            for case, part in zip(cases, parts, strict=True):
-                assert part is not None
-                prepare(part, dataclasses.replace(case.config, resume=config.resume), K)
-        together.barrier()
-        places = [place for part in parts for place in histories(part, K)]
-        run = start(every, config, folder, progress, begin, places, together, own, shown=len(cases))
-        run.on_step = on_step
-        if of_I0 is not None:
-            run.progress.message(of_I0)
-        at_end.callback(run.progress.stop)
-        run.train()
-        if len(run.trainer.diverged) == len(every):
-            raise NonFiniteError(run.trainer.diverged[0])
-        writes = together.rank == 0
-        contexts = [
-            answer.valued(
-                flow,
-                every[f * K : (f + 1) * K],
-                run,
-                f * K,
-                own,
-                parts[f] if writes else None,
-            )
-            for f, flow in enumerate(flows)
-        ]
-        run.progress.stage(ERROR_BARS)
-        if writes:
-            for context in contexts:
-                answer.with_fields(context)
-                context.fields = None  # those of all flows would not fit into memory
-            answer.with_intervals(contexts, run)
-            share_error_bars(contexts)
-            for context in contexts:
-                answer.with_curve(context)
-        root = dataclasses.replace(
-            contexts[0],
-            result=result_of(contexts, config),
-            folder=folder if writes else None,
-            pool=pool,
-            identify_many=identify_many,
-            shown=on_values,
-            flows=contexts,
+    rank = processes(config.device).rank
+    with owned(None if rank else folder):
+        configs = [config] * len(flows)
+        each = side_by_side(flows, configs, config, folder, progress, begin, on_step=on_step)
+        found = one_law(each)
+        if folder is not None and rank == 0:
+            write_results(found, folder / "results.json")
+            write_csv(found, folder / "results.csv")
+        if on_values is not None:
+            on_values(found)
+        return Identification.of(found, of_flows(lambda: tuple(each), folder))
+
+
+@checked
+def one_law(results: Sequence[Result]) -> Identification:
+    """The friction law of several flows of one material, from the results of the single flows.
+
+    Args:
+        results: of `identify` or `load`, with one given I0.
+
+    Returns:
+        The law over the range of I of all, and in `flows` what each flow is.
+
+    Raises:
+        BadInput: there are fewer than two results, or they have different I0.
+        CannotGoOn: a flow does not determine mu(I).
+    """
+    given = sorted({result.parameters["I0"].value for result in results if _has_I0(result)})
+    if len(results) < 2 or len(given) > 1:
+        raise BadInput(
+            f"expected two results or more with one given I0, got {len(results)} with I0 = "
+            f"{', '.join(f'{value:g}' for value in given)}: identify all with the same settings"
         )
-        root.keep(root.result)
-        run.progress.stage(CHECKS)
-        if writes:
-            for context in contexts:
-                context.pool = pool
-                make(context, own)
-            root.keep(result_of(contexts, config))
-        make(root, [check for check in checks if check is shared_law.CHECK])
-        each = tuple(answer.kept(context) for context in contexts)
-        return Identification.of(root.result, of_flows(lambda: each, folder))
+    law = fitted.one_law(results)
+    first = results[0]
+    truth = first.truth if all(r.truth == first.truth for r in results) else None
+    free, name = law.estimate.parameters, shared_law.CHECK.name
+    if law.reason is not None:
+        free = {n: Parameter(p.value, fixed=False) for n, p in free.items()}
+    values = {
+        n: free.get(n) or Parameter(value, fixed=True)
+        for n, value in zip(first.friction_law.names, law.theta, strict=True)
+    }
+    errors = {n: scalar_error(p, getattr(truth, n, None)) for n, p in values.items() if not p.fixed}
+    result = dataclasses.replace(
+        first,
+        parameters=Parameters(values),
+        covariance=None if law.reason else law.estimate.covariance,
+        error_bars=None if law.reason else law.estimate.bars,
+        members=None,
+        data=_data(results),
+        input=Input(
+            ", ".join(r.input.name for r in results),
+            hashlib.sha256("".join(r.input.sha256 for r in results).encode()).hexdigest(),
+        ),
+        truth=truth,
+        error_percent=ErrorPercent(errors),
+        zones=None,
+        inertial_number=None,
+        loss=None,
+        residuals=None,
+        determined=None,
+        law=IdentifiedLaw(first.law.name, reason=law.reason),
+        assumptions=tuple(
+            _of_all(a, r, law, f) for f, r in enumerate(results) for a in r.assumptions
+        ),
+        flows=tuple(
+            FlowOfLaw(r.input, r.data, r.law.I_range, r.residuals, r.assessment) for r in results
+        ),
+        checks={} if law.reason else {name: shared_law.compared(results, law)},
+        not_done={name: f"there are no error bars: {law.reason}"} if law.reason else {},
+    )
+    ranges = [r.law.I_range for r in results if r.law.I_range is not None]
+    low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
+    if any(r.determined for r in results):
+        I0 = values["I0"].value
+        means = np.array([r.determined.I for r in results if r.determined is not None])
+        x = float(np.mean(means / (means + I0)))
+        found = determined_over(result, Range(low, high, I0 * x / (1 - x)), ranges)
+        result = result if found is None else applied(result, found)
+    return Identification.of(over(result, (low, high)), None)
 
 
-def _posed(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
-    """The case of a flow that can take part; ConfigError for others."""
-    path = None if isinstance(flow, Flow) else os.fspath(flow)
-    case = pose(flow, dataclasses.replace(config, flow=path, further_flows=()))
-    if (reason := undetermined(case.seen, config.level)) is not None:
-        raise ConfigError(
-            f"{path or 'a flow in memory'} determines no friction coefficient: {reason}; leave "
-            "this flow out"
-        )
-    return case
+def _has_I0(result: Result) -> bool:
+    return "I0" in result.parameters
 
 
-def _in_groups(case: Case) -> list[Case]:
-    """The ensemble of a case; its member k is in group k."""
-    return [
-        dataclasses.replace(one, member=dataclasses.replace(one.member, group=k))
-        for k, one in enumerate(members(case))
-    ]
+def _of_all(assumed: Assumed, result: Result, law: OneLaw, flow: int) -> Assumed:
+    """An assumption of one flow, with its effect on the law of all."""
+    name, example = f"{assumed.name} of", f"{assumed.example} in"
+    changed = dataclasses.replace(
+        assumed, name=f"{name} {result.input.name}", example=f"{example} {result.input.name}"
+    )
+    if assumed.derivative is None or assumed.percent is None:
+        return changed
+    own, joint = result.parameters, law.estimate.parameters
+    moved = law.moved(flow, {n: own[n].value * p for n, p in assumed.percent.items()})
+    return dataclasses.replace(
+        changed,
+        derivative=law.moved(flow, assumed.derivative),
+        percent={n: change / joint[n].value for n, change in moved.items()},
+    )
+
+
+def _data(results: Sequence[Result]) -> DataSummary:
+    """The data of all flows together."""
+    every = [result.data for result in results]
+    vectors = [data.independent for data in every if data.independent is not None]
+    return DataSummary(
+        n_points=sum(data.n_points for data in every),
+        n_surface=sum(data.n_surface for data in every),
+        noise=every[0].noise,
+        n_frames=sum(data.n_frames for data in every),
+        independent=sum(vectors) if len(vectors) == len(every) else None,
+    )

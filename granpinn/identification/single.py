@@ -5,35 +5,23 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from typing import Any
 
-from granpinn.checks import momentum_balance, wanted
-from granpinn.checks.comparison_of_laws import companions
+from granpinn.checks import wanted
 from granpinn.config import Config, ConfigError
 from granpinn.config.settings import config_of
 from granpinn.data import Flow
 from granpinn.declared import checked
-from granpinn.fit.case import choose_device, members, pose
-from granpinn.identification import answer
+from granpinn.fit.case import pose
 from granpinn.identification.batch import identify_many
 from granpinn.identification.identified import Identification
 from granpinn.identification.one_law import identify_one_law
-from granpinn.identification.start import (
-    CHECKS,
-    ERROR_BARS,
-    folder_of,
-    histories,
-    prepare,
-    start,
-)
+from granpinn.identification.run import run
+from granpinn.identification.start import folder_of, prepare
 from granpinn.laws import register
 from granpinn.output import owned
 from granpinn.physics.laws import FrictionLaw
 from granpinn.results import Result
-from granpinn.results.record import make
-from granpinn.simulation.threads import threads
-from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row
 from granpinn.training.parallel import processes
 from granpinn.training.progress import Progress
@@ -98,41 +86,28 @@ def identify(
         if len(flow) > 1:
             return identify_one_law(flow, config, folder, progress, on_step, on_values, begin)
         flow = flow[0]
-    checks = wanted(config)
-    cases = members(pose(flow, config))
-    together = processes(choose_device(config.device))
-    with (
-        owned(None if together.rank else folder),
-        threads(len(os.sched_getaffinity(0))) as pool,
-        ExitStack() as at_end,
-    ):
-        if together.rank > 0:
-            progress = None
-        elif folder is not None:
-            prepare(folder, config, len(cases))
+    checks, case = wanted(config), pose(flow, config)
+    together = processes(config.device)
+    with owned(None if together.rank else folder):
+        if folder is not None and together.rank == 0:
+            prepare(folder, config, config.members)
         together.barrier()
-        parts = None if len(cases) == 1 else histories(folder, len(cases))
-        others = companions(cases[0])
-        if others:
-            parts = [*(parts or [folder]), *[None] * len(others)]
-        run = start([*cases, *others], config, folder, progress, begin, parts, together, checks)
-        run.on_step = on_step
-        at_end.callback(run.progress.stop)
-        if run.trainer.params.is_cuda and together.rank == 0:
-            pool.submit(momentum_balance.prepare, cases[0])  # the cores of the CPU are idle
-        run.train()
-        if all(k in run.trainer.diverged for k in range(len(cases))):
-            raise NonFiniteError(run.trainer.diverged[0])
-        if together.rank > 0:
-            context = answer.valued(flow, cases, run, 0, checks)
-            checks = [check for check in checks if check.trains]
-        else:
-            context = answer.valued(flow, cases, run, 0, checks, folder)
-            run.progress.stage(ERROR_BARS)
-            answer.with_fields(context)
-            answer.with_intervals([context], run)
-            answer.with_curve(context, on_values)
-        context.pool, context.identify_many, context.runs = pool, identify_many, folder_of(run_dir)
-        run.progress.stage(CHECKS)
-        make(context, checks)
-        return answer.kept(context)
+
+        def again(config: Config, seeds: Sequence[int], **settings: Any) -> Sequence[Result]:
+            return identify_many([flow] * len(seeds), config, seeds, **settings)
+
+        (found,) = run(
+            [case],
+            config,
+            checks,
+            folder,
+            [folder],
+            None if together.rank else progress,
+            begin,
+            together,
+            alone=True,
+            on_step=on_step,
+            on_values=on_values,
+            again=again,
+        )
+        return found

@@ -11,8 +11,7 @@ from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
 from granpinn.estimates.confined import undetermined
 from granpinn.fit import assumptions
-from granpinn.fit.case import Case, choose_device
-from granpinn.identification.answer import parts_of
+from granpinn.fit.case import Case
 from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
@@ -28,6 +27,11 @@ FIELDS = 200  # steps that take as long as the fields
 LONG = 60.0  # seconds; checks that take longer are not part of a time limit
 
 
+def parts_of(folder: Path, count: int) -> list[Path]:
+    """The folders of the histories of `count` members of a run."""
+    return [folder] if count == 1 else [folder / "members" / f"{k:02d}" for k in range(count)]
+
+
 def histories(folder: Path | None, count: int) -> list[Path | None]:
     """The folders of the histories of `count` members; None for each without a run folder."""
     return [None] * count if folder is None else [*parts_of(folder, count)]
@@ -39,8 +43,8 @@ def start(
     folder: Path | None,
     progress: Progress | None,
     begin: float,
+    together: Processes,
     members: Sequence[Path | None] | None = None,
-    together: Processes | None = None,
     checks: Sequence[Check] = (),
     shown: int = 1,
 ) -> TrainingLoop:
@@ -50,8 +54,7 @@ def start(
         checks: that follow; the time limit keeps time for the quick ones.
         shown: number of results that are checked.
     """
-    device = choose_device(config.device)
-    together = together or Processes()
+    device = together.device
     everyone = [case.member for case in cases]
     require_room(everyone, config, device)
     ranks = (together.rank, together.size)

@@ -44,7 +44,6 @@ def of_member(member: Member) -> dict[str, Any]:
         found |= {f"scale of {name}": value for name, value in vars(scales_of(flow)).items()}
     found |= {"law": member.law.name, "seed": member.seed}
     found |= {f"fixed {name}": value for name, value in member.fixed.items()}
-    found |= {} if member.group is None else {"group with one law": member.group}
     found |= {f"constant {name}": v for name, v in problem.physics._asdict().items()}
     found |= {
         "weights": problem.term_weights,

@@ -6,8 +6,6 @@ loss of the training,
 $$ \sum_k \frac{1}{2 n_k \sigma_k^2} \sum_i w_i^2 (r_{ik} + J_{ik} \delta)^2, $$
 
 in all coefficients C [5, F] and the L free parameters of the law together, on many points at once.
-Members of a group have one law: their losses add, each over its value at the start of the step.
-Each member has its own C.
 The descent before it leaves the scatter of its small batches; the steps
 remove it. They are repeated until the law has settled. A curve takes one step: a further one
 follows the noise of the training.
@@ -21,14 +19,6 @@ whose bands are thick. If such data are resolved well enough to show it, the los
 network is several times as large with the mean as without. Otherwise the two losses are nearly
 equal, and the mean stays. bench/studies/floor has the measurements.
 
-Members f that have one law $\theta$ have each its own last layer $C_f$. Each eliminates it,
-
-$$ S_f = A_{\theta\theta} - A_{\theta C} A_{CC}^{-1} A_{C\theta}, \quad
-   g_f = b_\theta - A_{\theta C} A_{CC}^{-1} b_C , $$
-
-and the sums give the step of the law, $\delta = -(\sum_f S_f)^{-1} \sum_f g_f$, and with it that of
-every $C_f$.
-
 bench/studies/last_layer has the measurements. Everything is dimensionless and float64.
 """
 
@@ -37,7 +27,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
@@ -54,89 +43,66 @@ ITERATIONS = 8  # at most
 SETTLED = 0.01  # relative change of a free parameter below which the law has settled
 
 
-def iterate(
-    group: Sequence[Sums], at: Sequence[Unknowns], until: float = math.inf
-) -> Sequence[Unknowns]:
+def iterate(sums: Sums, at: Unknowns, until: float = math.inf) -> Unknowns:
     """The unknowns after Gauss-Newton steps from `at`, until the law has settled.
 
     Every step has the weights of the law at its start. A curve takes one step. A further step is
     made only if it ends before time.monotonic() is `until`.
     """
-    begin, law = time.monotonic(), group[0].law
-    for k in range(1 if law.curve else ITERATIONS):
+    begin = time.monotonic()
+    for k in range(1 if sums.law.curve else ITERATIONS):
         now = time.monotonic()
         if k > 0 and now + (now - begin) / k > until:
             break
-        for sums in group:
-            sums.weigh_anew()
-        before, at = at, improve(group, at)
-        if relative_change(law, before[0].theta, at[0].theta) <= SETTLED:
+        sums.weigh_anew()
+        before, at = at, improve(sums, at)
+        if relative_change(sums.law, before.theta, at.theta) <= SETTLED:
             break
     return at
 
 
-def improve(group: Sequence[Sums], at: Sequence[Unknowns]) -> Sequence[Unknowns]:
+def improve(sums: Sums, at: Unknowns) -> Unknowns:
     """The unknowns after a Gauss-Newton step from `at`.
 
     While a step does not lower the loss or is too long, it is halved, at most `HALVINGS` times. If
     all fail, the result is `at`.
-
-    Args:
-        group: the sums of all members that have one law.
-        at: the unknowns of each, with one theta.
     """
-    free, law, theta = group[0].free, group[0].law, at[0].theta
-    losses = [sums.loss(own) for sums, own in zip(group, at, strict=True)]
-    weights = [losses[0] / loss for loss in losses]
-    before, equations = _loss(group, at, weights), []
+    free, law, theta = sums.free, sums.law, at.theta
+    before = sums.loss(at)
     with torch.enable_grad():
-        for sums, own, weight in zip(group, at, weights, strict=True):
-            A, b = sums.normal_equations(own)
-            if len(sums.differences):
-                before += sums.expect_smooth(A, b, own)
-            equations.append((weight * A, weight * b))
-        steps = solve_group(equations, len(free))
-    if steps is None:
+        A, b = sums.normal_equations(at)
+        if len(sums.differences):
+            before += sums.expect_smooth(A, b, at)
+        step = solve(A, b, len(free))
+    if step is None:
         return at
     for part in (0.5**halving for halving in range(HALVINGS + 1)):
         moved = theta.clone()
-        moved[free] += part * steps[0][-len(free) :]
-        found = [
-            Unknowns(own.C + (part * x[: own.C.numel()]).view_as(own.C), moved)
-            for own, x in zip(at, steps, strict=True)
-        ]
+        moved[free] += part * step[-len(free) :]
+        found = Unknowns(at.C + (part * step[: at.C.numel()]).view_as(at.C), moved)
         allowed = relative_change(law, theta, moved) <= LONGEST and law.admits(moved.tolist())
-        if allowed and _loss(group, found, weights) < before:  # not for a NaN
+        if allowed and sums.loss(found) < before:  # not for a NaN
             return found
     return at
 
 
-def _loss(group: Sequence[Sums], at: Sequence[Unknowns], weights: Sequence[float]) -> float:
-    return sum(w * sums.loss(own) for sums, own, w in zip(group, at, weights, strict=True))
-
-
 def last_layer(
-    group: Sequence[tuple[Member, Tensor, Tensor]], step: int, until: float = math.inf
-) -> list[tuple[Tensor, Tensor]]:
-    """params [P] and theta [N] of trained networks of the mixed form after the steps, if any.
+    member: Member, params: Tensor, theta: Tensor, step: int, until: float = math.inf
+) -> tuple[Tensor, Tensor]:
+    """params [P] and theta [N] of a trained network of the mixed form after the steps, if any.
 
     Args:
-        group: all members that have one law, each with its params [P] and theta [N]. A member has
-            the term weights of the end of the training, and data on the device of its params; its
-            seed and `step` choose the points.
+        member: with the term weights of the end of the training, and data on the device of
+            `params`; its seed and `step` choose the points.
         until: time.monotonic() after which no further step is made.
     """
-    every, at = [], []
-    for member, params, theta in group:
-        spec = member.problem.spec
-        features = Features(spec, params, member.problem.window)
-        points = choose(member.data, features, member.seed, step)
-        every.append(Sums(features, member.problem, member.law, points))
-        at.append(Unknowns(coefficients(spec, params), theta.double()))
-    return [
-        (with_coefficients(member.problem.spec, params, found.C), found.theta.to(theta))
-        for (member, params, theta), found in zip(group, iterate(every, at, until), strict=True)
-    ]
+    spec = member.problem.spec
+    features = Features(spec, params, member.problem.window)
+    sums = Sums(
+        features, member.problem, member.law, choose(member.data, features, member.seed, step)
+    )
+    found = iterate(sums, Unknowns(coefficients(spec, params), theta.double()), until)
+    return with_coefficients(spec, params, found.C), found.theta.to(theta)
 
 
 CONTRADICTED = 2.0  # factor of the loss
@@ -169,37 +135,6 @@ def solve(A: Tensor, b: Tensor, L: int, ridge: float = RIDGE) -> Tensor | None:
     if found is None:
         return None
     return -torch.cholesky_solve((b / found.scale)[:, None], found.factor)[:, 0] / found.scale
-
-
-def solve_group(
-    equations: Sequence[tuple[Tensor, Tensor]], L: int, ridge: float = RIDGE
-) -> list[Tensor] | None:
-    """The steps [K] of members that have one law; None where they are not positive definite.
-
-    Args:
-        equations: A [K, K] and b [K] of each member.
-        L, ridge: as for `solve`.
-    """
-    if len(equations) == 1:
-        x = solve(*equations[0], L, ridge)
-        return None if x is None else [x]
-    eliminated = []
-    for A, b in equations:
-        found = factor(A[:-L, :-L], 0, ridge)
-        if found is None:
-            return None
-        sides = torch.cat([b[:-L, None], A[:-L, -L:]], 1) / found.scale[:, None]
-        eliminated.append(torch.cholesky_solve(sides, found.factor) / found.scale[:, None])
-    reduced = [
-        torch.cat([b[-L:, None], A[-L:, -L:]], 1) - A[-L:, :-L] @ X
-        for (A, b), X in zip(equations, eliminated, strict=True)
-    ]
-    both = torch.stack(reduced).sum(0)
-    triangle, fault = torch.linalg.cholesky_ex(both[:, 1:])
-    if int(fault):
-        return None
-    by_law = -torch.cholesky_solve(both[:, :1], triangle)[:, 0]
-    return [torch.cat([-X[:, 0] - X[:, 1:] @ by_law, by_law]) for X in eliminated]
 
 
 class Factor(NamedTuple):

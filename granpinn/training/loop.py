@@ -60,7 +60,7 @@ class TrainingLoop:
     ) -> None:
         require_finite(objective.tensors())
         self.config = config
-        self.processes = processes or Processes()
+        self.processes = processes or Processes(objective.pool.points.device)
         self.single = members is None
         self.progress = progress
         self.limit = limit

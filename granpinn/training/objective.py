@@ -48,7 +48,6 @@ class Member:
         data: may be shared by members.
         fixed: values of the fixed parameters of the law; by default `LawParameter.start`.
         flow: where the data come from, for the identity of a run (identity.py).
-        group: members with the same number have one friction law; None: a law of its own.
     """
 
     problem: Problem
@@ -57,7 +56,6 @@ class Member:
     law: FrictionLaw
     fixed: Mapping[str, float]
     flow: Flow | None = None
-    group: int | None = None
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,6 @@ class Objective:
         laws: the friction law of each member.
         operators: the operators for these laws.
         distinct: training sets of the members, each once.
-        groups: numbers of the members that have one friction law; each member is in one group.
         pool: the points of all sets, one after another on the device; the source is 0 for sets
             without one, None if no set has one.
         share: (k, K): this process draws part k of every batch, which has K equal parts.
@@ -103,7 +100,6 @@ class Objective:
         self.operators = operators_of(self.laws)
         if len({m.problem.spec.widths for m in members}) > 1:
             raise ValueError("members of one run must have networks of the same widths")
-        self.groups = _groups(members)
         self.distinct, self.set_of = _distinct(members)
         self.sets = [s.pooled() for s in self.distinct]
         self.share, parts = share
@@ -135,7 +131,6 @@ class Objective:
             input_scale=constant([m.problem.spec.input_scale for m in members]),
         )
         self.physics = constant([m.problem.physics for m in members])
-        self._in_group = self._companions(device)
 
     def _moved(self, name: str, device: torch.device) -> Tensor | None:
         """An array of all sets, one after another on the device; each set has its part of it."""
@@ -154,35 +149,6 @@ class Objective:
             places.append([point, len(s.points), surface, len(s.surface_points)])
             point, surface = point + len(s.points), surface + len(s.surface_points)
         return [places[i] for i in self.set_of]
-
-    def group_of(self, member: int) -> list[int]:
-        """The members that have the friction law of a member, itself included."""
-        return next(group for group in self.groups if member in group)
-
-    def _companions(self, device: torch.device) -> tuple[Tensor, Tensor] | None:
-        """The group of every member, filled up with the member itself, and 0 where it is filled up,
-        else 1 [E, W]; None if every law is its own.
-        """
-        E, longest = len(self.members), max(map(len, self.groups))
-        if longest == 1:
-            return None
-        rows = [self.group_of(e) for e in range(E)]
-        filled = [row + [e] * (longest - len(row)) for e, row in enumerate(rows)]
-        own = [[1.0] * len(row) + [0.0] * (longest - len(row)) for row in rows]
-        return torch.tensor(filled, device=device), self.term_weights.new_tensor(own)
-
-    def over_groups(self, grad_theta: Tensor, loss: Tensor) -> Tensor:
-        """The gradients [E, N] over the losses [E], summed over the group of every member [E, N].
-
-        That is the gradient of the sum of log(loss), in units of the first loss of the group: the
-        likelihood of flows whose residuals have unknown sizes. All members of a group add the same
-        numbers in the same order: their sums are equal bit for bit. A NaN stays in its group.
-        """
-        if self._in_group is None:
-            return grad_theta
-        members, own = self._in_group
-        losses = loss[members]
-        return (grad_theta[members] * (own * losses[:, :1] / losses)[:, :, None]).sum(1)
 
     def data(self, member: int) -> TrainingSet:
         """All points of a member, pooled and on the device.
@@ -272,32 +238,6 @@ class Objective:
             equations=equations,
         )
         return found[1]
-
-
-def _groups(members: Sequence[Member]) -> list[list[int]]:
-    """The members that have one law, in the order of their first ones.
-
-    Raises:
-        ConfigError: members of a group have other laws, or other given values.
-    """
-    groups: dict[object, list[int]] = {}
-    for e, member in enumerate(members):
-        groups.setdefault(("alone", e) if member.group is None else member.group, []).append(e)
-    for first, *others in groups.values():
-        law, fixed = members[first].law, dict(members[first].fixed)
-        for e in others:
-            if members[e].law.name != law.name or dict(members[e].fixed) != fixed:
-                raise ConfigError(
-                    f"flows with one law must have the same law with the same given values, got "
-                    f"{law.name} with {fixed} and {members[e].law.name} with "
-                    f"{dict(members[e].fixed)}: give these values in the settings"
-                )
-        if others and (law.curve or law.cohesion):
-            raise ConfigError(
-                f"flows with one law need a law of parameters without a unit, got {law.name}: "
-                "take another --law"
-            )
-    return list(groups.values())
 
 
 def _distinct(members: Sequence[Member]) -> tuple[list[TrainingSet], list[int]]:

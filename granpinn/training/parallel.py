@@ -17,6 +17,7 @@ from torch import Tensor, distributed
 
 from granpinn.config import ConfigError
 from granpinn.errors import CannotGoOn
+from granpinn.kernels import builds
 from granpinn.training.objective import Evaluation
 
 MOST_PROCESSES = 2**16
@@ -27,9 +28,13 @@ class Processes:
 
     Attributes:
         rank, size: number of this process, and how many there are.
+        device: of the training in this process.
     """
 
     rank, size = 0, 1
+
+    def __init__(self, device: torch.device) -> None:
+        self.device = device
 
     def all_reduce(self, e: Evaluation) -> Evaluation:
         """The mean of the evaluations of all shares: that of the whole batch."""
@@ -51,6 +56,7 @@ class ProcessGroup(Processes):
     """The processes of torch.distributed's default group."""
 
     def __init__(self, device: torch.device) -> None:
+        super().__init__(device)
         self.rank, self.size = distributed.get_rank(), distributed.get_world_size()
         self.asked = torch.zeros(1, device=device)
         self.any_asked = torch.zeros(1, device=device)
@@ -78,10 +84,29 @@ class ProcessGroup(Processes):
         distributed.all_reduce(torch.zeros(1))  # by gloo: distributed.barrier() uses the GPU
 
 
-def processes(device: torch.device) -> Processes:
-    """The group of torchrun after `joined`, or this process alone."""
+def processes(name: str) -> Processes:
+    """The group of torchrun after `joined`, or this process alone, with its device by name."""
+    device = choose_device(name)
     grouped = distributed.is_available() and distributed.is_initialized()
-    return ProcessGroup(device) if grouped and distributed.get_world_size() > 1 else Processes()
+    many = grouped and distributed.get_world_size() > 1
+    return ProcessGroup(device) if many else Processes(device)
+
+
+def choose_device(name: str) -> torch.device:
+    """The device for "auto", "cpu" or "cuda"; ConfigError if it cannot be used."""
+    kernels = torch._C._dispatch_has_kernel_for_dispatch_key("granpinn::residual_loss", "CUDA")
+    if name == "cuda" and not kernels:
+        raise ConfigError(
+            f"--device cuda needs the CUDA kernels ({builds.cuda_missing()}): install the wheel "
+            "with them, or build granpinn where nvcc is, or use --device cpu"
+        )
+    if name == "cuda" and not torch.cuda.is_available():
+        raise ConfigError(
+            "--device cuda needs a GPU that torch can use, and torch.cuda.is_available() is false: "
+            "python -m granpinn.doctor says why; or use --device cpu"
+        )
+    usable = kernels and torch.cuda.is_available()
+    return torch.device("cuda" if usable and name != "cpu" else "cpu")
 
 
 @contextmanager

@@ -17,7 +17,6 @@ a network, F the number of its last hidden units and the bias:
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
@@ -96,8 +95,6 @@ def require_room(members: Sequence[Member], config: Config, device: torch.device
     sets = {id(m.data): m.data for m in members}.values()
     points = [len(s.points) + len(s.between) + len(s.strip) + len(s.wall_points) for s in sets]
     need = need_of(config, len(members), points, device.type)
-    side_by_side = max(Counter(m.group for m in members if m.group is not None).values(), default=1)
-    need = replace(need, last_layer=side_by_side * need.last_layer)  # one for each flow of a law
     need = replace(need, points=POINT // 2 * getattr(torch, config.dtype).itemsize * sum(points))
     if device.type == "cuda":
         need.require(torch.cuda.mem_get_info(device)[0], "memory of the GPU")

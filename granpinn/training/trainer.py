@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import torch
 from torch import Tensor
@@ -58,7 +58,7 @@ class Trainer:
         self.objective = objective
         self.schedule = schedule
         self.config = config
-        self.processes = processes or Processes()
+        self.processes = processes or Processes(device)
         self.params = torch.stack(starts).to(objective.pool.points)
         self.law_variables = LawVariables(
             [m.law for m in members],
@@ -167,8 +167,7 @@ class Trainer:
         """Make the step at the counter of `control`, without a copy from device to host."""
         e = self.objective.evaluate(self.control, self.params, self.law_variables.theta, prefit)
         e = self.processes.all_reduce(e)
-        by_theta = self.objective.over_groups(e.grad_theta, e.loss)
-        self.optimizer.step(e.loss, e.grad_params, by_theta, law_moves=not prefit)
+        self.optimizer.step(e.loss, e.grad_params, e.grad_theta, law_moves=not prefit)
         return e
 
     def _stretch(self) -> int:
@@ -205,14 +204,12 @@ class Trainer:
         self._take_back(range(len(self.lr_scale)))
         self.set_plain_state(self._good_state)
 
-    def roll_back(self, members: Iterable[int]) -> None:
+    def roll_back(self, members: Collection[int]) -> None:
         """Restore members from the copy; they continue at half the learning rate.
 
-        All members that have one law are restored together. If no others are left, the run goes
-        back to the step of the copy. Otherwise the others keep their state, and the restored
-        members continue with the present step.
+        If no others are left, the run goes back to the step of the copy. Otherwise the others keep
+        their state, and the restored members continue with the present step.
         """
-        members = {companion for e in members for companion in self.objective.group_of(e)}
         diverged = self.diverged
         if len(members) + len(diverged) == len(self.lr_scale):
             self.restore()
@@ -224,9 +221,7 @@ class Trainer:
         self.remember()
 
     def give_up(self, reasons: Mapping[int, str]) -> None:
-        """Freeze members for good, with all that have their law, in the state of their copy."""
-        group_of = self.objective.group_of
-        reasons = {member: why for e, why in reasons.items() for member in group_of(e)}
+        """Freeze members for good in the state of their copy."""
         self._take_back(reasons)
         self.diverged = {**self.diverged, **reasons}
 
@@ -243,15 +238,13 @@ class Trainer:
         """
         if not self.config.optimizer.last_layer or self.objective.spec.form != "mixed":
             return
-        left = [group for group in self.objective.groups if group[0] not in self.diverged]
-        for k, group in enumerate(left):
+        left = [e for e in range(len(self.lr_scale)) if e not in self.diverged]
+        for k, e in enumerate(left):
             now = time.monotonic()
             until_k = now + (until - now) / (len(left) - k)
-            for e in group:
-                self.mean_lengths[e] = mean_length(self._at_end(e), *self.trained(e), self.step)
-            trained = [(self._at_end(e), *self.trained(e)) for e in group]
-            solved = last_layer(trained, self.step, until_k)
-            self.solved |= dict(zip(group, solved, strict=True))
+            trained = self.trained(e)
+            self.mean_lengths[e] = mean_length(self._at_end(e), *trained, self.step)
+            self.solved[e] = last_layer(self._at_end(e), *trained, self.step, until_k)
 
     def ended(self, member: int) -> tuple[Member, Tensor, Tensor, int] | None:
         """A member after its last-layer step, and the number of steps; None without it."""

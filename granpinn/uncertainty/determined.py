@@ -41,31 +41,31 @@ from granpinn.uncertainty.error_model import Known, Pair, ends_of, interval
 LARGEST = {"mu_s": 0.15, "mu_2": 0.15, "I0": 0.3}
 
 
-def determined(
-    result: Result, inertial_number: Floats, weight: Floats, ranges: Sequence[Pair] = ()
-) -> Determined | None:
+def determined(result: Result, inertial_number: Floats, weight: Floats) -> Determined | None:
     """What the data determine; None for flows without shear, and for another law if it is all.
 
     Args:
         inertial_number: of the points that shear [n].
         weight: of these points in the fit [n].
-        ranges: of I of all flows that have this law; (): this flow only.
     """
     shear = _range(result, inertial_number, weight)
-    return None if shear is None else determined_over(result, shear, ranges)
+    return None if shear is None else determined_over(result, shear, [(shear.low, shear.high)])
 
 
-def determined_over(result: Result, shear: Range, ranges: Sequence[Pair] = ()) -> Determined | None:
-    """What data with a range of I determine; `ranges` and None as for `determined`."""
+def determined_over(result: Result, shear: Range, ranges: Sequence[Pair]) -> Determined | None:
+    """What data with a range of I determine; None as for `determined`.
+
+    Args:
+        ranges: of I of all flows that have this law.
+    """
     intervals = {name: p.interval_90 for name, p in result.parameters.items()}
     wide = [name for name, i in intervals.items() if i is not None and half_width(i) > USELESS]
     bars, at, lost = result.error_bars, np.array([shear.I]), tuple(wide)
     if result.law.name == mu_of_i.LAW.name:
         mu_s, mu_2, I0 = result.theta
         real = bars is not None and bars.grains is not None
-        every = ranges or [(shear.low, shear.high)]
         free = None if result.parameters["I0"].fixed else I0
-        known = [Known(ends_of(e, I0), (mu_s, mu_2), real=real, I0=free) for e in every]
+        known = [Known(ends_of(e, I0), (mu_s, mu_2), real=real, I0=free) for e in ranges]
         narrow = lost_of(known)
         lost = tuple(name for name in intervals if name in wide or name in narrow)
         wide = [name for name in wide if name not in narrow]

@@ -11,13 +11,7 @@ of real grains from mu(I) (error_model.py), and J continues the line through bot
 scatter of K > 1 members over seeds. A is the effect of assumptions, such as the offset of the
 surface line (sensitivity.py).
 
-Several flows with one law: M and G are those of the ends of all flows. The errors of two flows are
-correlated, because the method and the material have a part in both. With the slopes K of log mu at
-all ends by the parameters, generalised least squares gives
-
-$$ J = (K^T (M + G)^{-1} K)^{-1} K^T (M + G)^{-1} , $$
-
-which is $K^{-1}$ for one flow. I0 is a third parameter where it is identified.
+The law of several flows has error bars of the same parts (one_law.py).
 
 Intervals are from Student's distribution and symmetric in log mu, so friction stays positive.
 """
@@ -25,7 +19,7 @@ Intervals are from Student's distribution and symmetric in log mu, so friction s
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -88,33 +82,46 @@ class Estimate(NamedTuple):
 
 
 def estimate(
-    members: Members, flows: Sequence[Known], model: ErrorModel, assumed: Sequence[Assumed] = ()
+    members: Members, known: Known, model: ErrorModel, assumed: Sequence[Assumed] = ()
 ) -> Estimate:
-    """Error bars of the center `mu` of an ensemble.
-
-    Args:
-        flows: one flow, or all flows that have this law, with the same `mu` and `I0`.
-    """
-    J, (of_method, of_grains) = continuation(flows, model), model.of_flows(flows)
-    values = flows[0].parameters
+    """Error bars of the center `known.mu` of an ensemble."""
+    J, (of_method, of_grains) = continuation([known], model), model.of_flows([known])
+    values = known.parameters
     parts = {
         "method": J @ of_method @ J.T,
         "grains": J @ of_grains @ J.T,
         "scatter": scatter(members, tuple(values)),
         "assumptions": covariance(assumed, tuple(values)),
     }
+    return bars_of(values, parts, model, model.outside(known))
+
+
+def bars_of(
+    values: Mapping[str, float],
+    parts: Mapping[str, Float64],
+    model: ErrorModel,
+    outside: Sequence[str],
+) -> Estimate:
+    """The error bars of L parameters.
+
+    Args:
+        values: the parameters by name.
+        parts: covariances by the names of `ErrorBars` [L, L].
+        outside: in what the fits are beyond the error model, in words.
+    """
     C = sum(parts.values(), np.zeros((len(values), len(values))))
     half, sd = model.half_width(), np.sqrt(np.diag(C)).tolist()
     parameters = {
         name: Parameter(value, False, s, interval(value, s, half))
         for (name, value), s in zip(values.items(), sd, strict=True)
     }
+    others = {n: _sd(part) if part.any() else None for n, part in parts.items() if n != "method"}
     bars = ErrorBars(
-        method=_sd(parts.pop("method")),
-        **{name: _sd(matrix) if matrix.any() else None for name, matrix in parts.items()},
+        method=_sd(parts["method"]),
+        **others,
         freedom=model.freedom,
         half_width=half,
-        outside=tuple(dict.fromkeys(words for known in flows for words in model.outside(known))),
+        outside=tuple(outside),
         provenance=model.provenance,
     )
     return Estimate(parameters, Covariance(tuple(values), tuple(map(tuple, C.tolist()))), bars)
@@ -186,7 +193,7 @@ def judge(
         return "no grains shear"
     if missing := unknown(assumed):
         return f"the effect of the {' and '.join(missing)} is not known"
-    found = estimate(members, [known], load(), assumed)
+    found = estimate(members, known, load(), assumed)
     if known.real:
         return found
     # Grains of all kinds were tested, of simulated flows collapses.

@@ -18,7 +18,6 @@ same points, and the scatter of their training cancels in a difference.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -65,8 +64,7 @@ def effects(
 ) -> dict[int, tuple[Assumed, ...]]:
     """The effect of every assumption on the law, by members of a finished training.
 
-    All copies are one batch. Members that have one law train on together: an assumption of one of
-    them moves the law of all.
+    All copies are one batch.
 
     Args:
         share: of the time of the finished training that this one may take; None: any.
@@ -74,20 +72,11 @@ def effects(
     asked = [(e, assumption) for e, every in assumptions.items() for assumption in every]
     if not asked:
         return {}
-    copies: list[tuple[int, Member]] = []
-    places = []  # of every changed member among the copies
-    for e, assumption in asked:
-        for changed in assumption.pair():
-            places.append(len(copies))
-            copies.append((e, dataclasses.replace(changed, group=len(places))))
-            companions = [c for c in trainer.objective.group_of(e) if c != e]
-            own = trainer.objective.members
-            copies += [(c, dataclasses.replace(own[c], group=len(places))) for c in companions]
+    copies = [(e, changed) for e, assumption in asked for changed in assumption.pair()]
     most = MOST_STEPS
     if share is not None:  # a copy takes at most the time of a member
         most = min(most, int(share * trainer.step * len(trainer.params) / len(copies)))
-    every = continued(trainer, copies, most)
-    theta = [every[place] for place in places]
+    theta = continued(trainer, copies, most)
     found: dict[int, tuple[Assumed, ...]] = {}
     for k, (e, assumption) in enumerate(asked):
         pair = [

@@ -36,7 +36,6 @@ def context_of(flow: Flow, result: Result) -> Any:
     member = SimpleNamespace(law=mu_of_i.LAW, fixed={"I0": 0.3})
     shared = Shared(flow, flow, SideWalls())
     return Context(
-        flow=flow,
         result=result,
         case=SimpleNamespace(seen=flow, shared=shared, member=member),  # type: ignore[arg-type]
         model=None,  # type: ignore[arg-type]

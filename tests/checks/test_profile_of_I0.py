@@ -23,6 +23,7 @@ from granpinn.identification.start import start
 from granpinn.physics.terms import NAMES as TERMS
 from granpinn.results import InertialNumber, Parameter, Parameters, Result
 from granpinn.results.records import Loss
+from granpinn.training.parallel import processes
 from tests.data.walled import FLOOR
 from tests.examples import make_result
 from tests.runs import tiny
@@ -98,7 +99,14 @@ def test_a_slope_gives_a_bound(sign: int, words: str) -> None:
 
 def test_final_loss_is_that_of_all_points_below_the_highest_vectors(flow: Flow) -> None:
     config = tiny(dtype="float64", optimizer__average=0.3)
-    run = start([pose(replace(flow, walls=FLOOR), config)], config, None, None, time.monotonic())
+    run = start(
+        [pose(replace(flow, walls=FLOOR), config)],
+        config,
+        None,
+        None,
+        time.monotonic(),
+        processes("cpu"),
+    )
     run.train()
     found = final_loss(run.trainer, 0)
     assert found is not None

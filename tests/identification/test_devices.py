@@ -31,6 +31,7 @@ from granpinn.fit.case import Model, members, pose
 from granpinn.fit.prediction import predict
 from granpinn.identification.start import start
 from granpinn.physics.laws import DEFAULT
+from granpinn.training.parallel import processes
 from tests.runs import tiny
 
 NO_GPU = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
@@ -70,7 +71,7 @@ def simulated(flow: Flow, model: Model, pool: Executor) -> Pressures:
 def test_fields_and_simulated_pressure_are_those_of_the_cpu(device: str, flow: Flow) -> None:
     config = tiny(device=device, steps=50, members=2, simulated_pressure__frames=3)
     cases = members(pose(flow, config))
-    run = start(cases, config, None, None, time.monotonic(), [None] * 2)
+    run = start(cases, config, None, None, time.monotonic(), processes(config.device), [None] * 2)
     run.train()
     for e, case in enumerate(cases):
         params, theta = run.trainer.solution(e)

@@ -17,9 +17,9 @@ from granpinn.config.toml import read_toml
 from granpinn.data import Flow, FlowFileError, Truth
 from granpinn.fit import case as case_module
 from granpinn.fit import prediction
-from granpinn.fit.case import choose_device
 from granpinn.identification.single import identify
 from granpinn.training.loop import TrainingLoop
+from granpinn.training.parallel import choose_device
 from granpinn.training.time_limit import Limit
 from tests.runs import tiny
 

@@ -11,18 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn import Identification, identify, load, results, simulate
+import granpinn
+from granpinn import identify, identify_many, load, results, simulate
 from granpinn.command import training_run
 from granpinn.commands.train import parse
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow
 from granpinn.errors import BadInput
-from granpinn.fit import one_law
-from granpinn.fit.case import pose
-from granpinn.training.objective import Member
-from granpinn.training.trainer import Trainer
-from granpinn.uncertainty import error_bars, sensitivity
-from granpinn.uncertainty.error_model import Known
+from granpinn.uncertainty import error_bars
 from tests.flows import make_flow
 from tests.runs import tiny
 
@@ -43,13 +39,10 @@ def collapses() -> list[Flow]:
 
 
 def test_two_collapses_have_one_law(collapses: list[Flow], tmp_path: Path) -> None:
-    config = tiny(members=2, checks="quick")
+    config = tiny(members=2, checks="momentum_balance")
     found = identify(collapses, config, one_law=True, run_dir=tmp_path / "run")
     first, second = found.each
-    assert first.parameters == second.parameters == found.parameters
-    assert first.members == second.members
-    assert found.members is not None
-    assert len(set(found.members.values["mu_s"])) == 2  # another law for each network
+    assert first.parameters == identify(collapses[0], config).parameters  # trained by itself
     assert [flow.I_range for flow in found.flows] == [first.law.I_range, second.law.I_range]
     assert found.law.I_range == (
         min(one.law.I_range[0] for one in found.each if one.law.I_range),
@@ -57,8 +50,13 @@ def test_two_collapses_have_one_law(collapses: list[Flow], tmp_path: Path) -> No
     )
     assert found.data.n_points == first.data.n_points + second.data.n_points
     assert found.truth == collapses[0].truth
+    assert found.error_bars is not None
+    assert found.error_bars.scatter is not None
+    assert found.law.curve is not None
+    assert found.law.curve.low is not None
     assert "momentum_balance" in first.checks
-    assert found.checks == {}
+    assert list(found.checks) == ["shared_law"]
+    assert found.checks["shared_law"].words in found.summary()
     for flow in found.flows:
         assert str(flow) in str(found)
         assert str(flow) in found.summary()
@@ -69,66 +67,22 @@ def test_two_collapses_have_one_law(collapses: list[Flow], tmp_path: Path) -> No
     for field in dataclasses.fields(results.Result):
         if field.name != "settings":  # tuples are lists in JSON
             assert getattr(back, field.name) == getattr(found, field.name), field.name
-    assert [one.parameters for one in back.each] == [found.parameters] * 2
+    assert granpinn.one_law(back.each).parameters == found.parameters
     assert json.loads((tmp_path / "run" / "results.json").read_text())["flows"][1]["I_range"]
     again = identify(collapses, config, one_law=True, run_dir=tmp_path / "run", resume=True)
     assert again.parameters == found.parameters
 
 
-def test_error_bars_are_those_of_all_flows(flow: Flow) -> None:
-    config = tiny(checks="quick")
-    found = identify([flow, OTHER], config, one_law=True)
-    assert found.error_bars is not None
-    assert found.covariance is not None
+def test_the_law_can_be_made_later(flow: Flow) -> None:
+    flows, config = [flow, OTHER], tiny(checks="momentum_balance")
+    found = identify(flows, config, one_law=True)
     names = [assumed.name for assumed in found.assumptions]
     assert names == ["surface line of in memory"] * 2
-    for one in found.each:
-        assert one.covariance == found.covariance
-        assert one.law.curve is not None
-        assert one.law.curve.low is not None
-
-
-def test_an_assumption_of_one_flow_moves_the_law_of_all(
-    flow: Flow, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Copies with another surface line of one flow train on with the other flow as it is."""
-    copies: list[tuple[int, Member]] = []
-    train_on = sensitivity.continued
-
-    def continued(trainer: Trainer, asked: list[tuple[int, Member]], most: int) -> Any:
-        copies.extend(asked)
-        return train_on(trainer, asked, most)
-
-    monkeypatch.setattr(sensitivity, "continued", continued)
-    found = identify([flow, OTHER], tiny(checks="quick"), one_law=True)
-    assert [e for e, _ in copies] == [0, 1, 0, 1, 1, 0, 1, 0]
-    groups = [member.group for _, member in copies]
-    assert [groups.count(group) for group in sorted(set(groups))] == [2] * 4
-    assert copies[1][1].data is copies[3][1].data  # as it is
-    assert copies[0][1].data is not copies[2][1].data  # a line one sd lower and higher
-    assert all(assumed.derivative is not None for assumed in found.assumptions)
-
-
-@pytest.mark.parametrize(
-    ("sd", "noise", "free", "words"),
-    [
-        (0.05, 0.0, True, "I0 is identified: the expected error"),
-        (0.2, 0.0, False, "I0 is held at 0.3: the expected error"),
-        (0.05, 0.05, False, "I0 is held at 0.3: the noise of a flow is 5 % of its speed"),
-    ],
-)
-def test_I0_is_free_where_ranges_determine_it_and_noise_is_small(
-    sd: float, noise: float, free: bool, words: str, flow: Flow, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    known = Known((0.1, 0.5), (0.4, 0.6), noise=noise, I0=0.3)
-    monkeypatch.setattr(one_law, "expected_of", lambda *arguments: known)
-    monkeypatch.setattr(one_law, "sd_of", lambda *arguments: {"I0": sd})
-    cases, said = one_law.with_free_I0([pose(flow, tiny()) for _ in range(2)])
-    assert [("I0" in case.member.law.free) for case in cases] == [free] * 2
-    assert said is not None
-    assert said.startswith(words)
-    given = [pose(flow, tiny(I0=0.25)) for _ in range(2)]
-    assert one_law.with_free_I0(given) == (given, None)
+    assert found.error_bars is not None
+    assert found.error_bars.assumptions is not None
+    later = granpinn.one_law(identify_many(flows, config))
+    assert later.parameters == found.parameters
+    assert later.checks == found.checks
 
 
 def test_the_command_writes_one_result_and_a_page(
@@ -140,7 +94,7 @@ def test_the_command_writes_one_result_and_a_page(
     for one, path in zip((flow, OTHER), paths, strict=True):
         write_flow(one, Path(path))
     folder = tmp_path / "run"
-    config = parse([*paths, "--one-law", "--out", str(folder), "--checks", "none"]).config
+    config = parse([*paths, "--one-law", "--out", str(folder)]).config
     assert (config.flow, config.further_flows) == (paths[0], (paths[1],))
     sizes = {name: getattr(tiny(), name) for name in ("steps", "log_every", "network", "batch")}
     assert training_run.run(dataclasses.replace(config, **sizes)) == 0
@@ -150,6 +104,7 @@ def test_the_command_writes_one_result_and_a_page(
     assert found.input.name == "heap.h5, other.h5"
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "One law, several flows" in page
+    assert "Do the flows have one law?" in page
     assert "friction_law" in {path.stem for path in (folder / "figures").iterdir()}
     for k, name in enumerate(names):
         assert f"flow    {name}: I = " in answer
@@ -161,31 +116,26 @@ def test_the_command_writes_one_result_and_a_page(
 
 
 @pytest.mark.parametrize(
-    "refused",
-    [{"compare_laws": True}, {"free_I0": True}],
-    ids=lambda settings: next(iter(settings)),
+    ("refused", "words"),
+    [
+        ({"free_I0": True}, "is a check of one flow"),
+        ({"law": "coulomb"}, "one law of several flows is mu"),
+    ],
+    ids=["free I0", "coulomb"],
 )
-def test_checks_of_one_flow_are_refused(refused: dict[str, bool], flow: Flow) -> None:
-    with pytest.raises(ConfigError, match="is a check of one flow"):
+def test_what_one_law_cannot_have_is_refused(
+    refused: dict[str, Any], words: str, flow: Flow
+) -> None:
+    with pytest.raises(ConfigError, match=words):
         identify([flow, OTHER], tiny(**refused), one_law=True)
 
 
-def test_a_flow_that_determines_nothing_is_refused(
-    flow: Flow, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        "granpinn.identification.one_law.undetermined", lambda seen, level: "walls all around"
-    )
-    with pytest.raises(ConfigError, match="walls all around; leave this flow out"):
-        identify([flow, OTHER], tiny(), one_law=True)
-
-
-def test_a_check_trains_the_flows_apart(flow: Flow) -> None:
-    found: Identification = identify([flow, OTHER], tiny(checks="shared_law"), one_law=True)
-    assert found.not_done == {}
-    check = found.checks["shared_law"]
-    alone = identify(OTHER, tiny(checks="none"))
-    assert [law.name for law in check.flows] == ["in memory"] * 2
-    mu = alone.friction_law.friction(np.array(check.flows[1].I), *alone.theta)
-    np.testing.assert_allclose(check.flows[1].mu, mu, rtol=1e-6)
-    assert check.words in found.summary()
+def test_fits_without_error_bars_have_a_law_without_them(flow: Flow) -> None:
+    found = identify([flow, OTHER], tiny(checks="none"), one_law=True)
+    assert found.error_bars is None
+    assert found.covariance is None
+    assert found.law.curve is not None
+    assert found.law.curve.low is None
+    assert found.law.reason == f"in memory: {found.each[0].law.reason}"
+    assert "there are no error bars" in found.not_done["shared_law"]
+    assert "its effect is not known" in str(found.assumptions[0])

@@ -78,6 +78,6 @@ def test_the_scores_of_the_blocks_add_up_to_the_gradient(seed: int) -> None:
     prior = sums.expect_smooth(A, b, at)
     assert prior > 0
     assert sums.loss(at) == pytest.approx(loss + prior, rel=1e-12)
-    (after,) = improve([sums], [at])
+    after = improve(sums, at)
     assert sums.loss(after) <= sums.loss(at)
     assert relative_change(law, at.theta, after.theta) <= LONGEST

@@ -182,12 +182,12 @@ def test_a_step_lowers_the_loss_and_is_short(seed: int) -> None:
     params, data = initial_parameters(SPEC, seed), draw(seed)
     sums = sums_of(problem(), data, params)
     start = Unknowns(coefficients(SPEC, params), THETA)
-    (found,) = improve([sums], [start])
+    found = improve(sums, start)
     moved = (found.theta / start.theta - 1).abs()
     assert float(moved.max()) <= module.LONGEST + 1e-12
     assert sums.loss(found) < sums.loss(start) or found is start
     broken = Unknowns(start.C * math.nan, start.theta)
-    assert improve([sums_of(problem(), data, params)], [broken])[0] is broken
+    assert improve(sums_of(problem(), data, params), broken) is broken
 
 
 def test_steps_are_repeated_until_the_law_has_settled(
@@ -199,23 +199,23 @@ def test_steps_are_repeated_until_the_law_has_settled(
     left = [0.9, 1.05, 1 + 0.9 * module.SETTLED, 0.5]
     seen: list[tuple[float, bool]] = []
 
-    def step(group: list[Sums], at: list[Unknowns]) -> list[Unknowns]:
-        seen.append((float(at[0].theta[0]), group[0]._law_weights is None))
-        group[0].loss(at[0])
-        return [Unknowns(at[0].C, at[0].theta * left[len(seen) - 1])]
+    def step(sums: Sums, at: Unknowns) -> Unknowns:
+        seen.append((float(at.theta[0]), sums._law_weights is None))
+        sums.loss(at)
+        return Unknowns(at.C, at.theta * left[len(seen) - 1])
 
     monkeypatch.setattr(module, "improve", step)
-    (found,) = iterate([sums], [start])
+    found = iterate(sums, start)
     assert seen == [(pytest.approx(value), True) for value in (0.4, 0.36, 0.378)]
     assert float(found.theta[0]) == pytest.approx(0.378 * left[2])
     seen.clear()
     left[:] = [0.9] * 20
-    iterate([sums], [start])
+    iterate(sums, start)
     assert len(seen) == module.ITERATIONS
     seen.clear()
     sums.law = LAWS["free"]
     monkeypatch.setattr(module, "relative_change", lambda *_: 1.0)
-    iterate([sums], [start])
+    iterate(sums, start)
     assert len(seen) == 1
 
 
@@ -246,7 +246,7 @@ def solved_on(device: str, seed: int) -> tuple[Tensor, Tensor]:
     posed = problem(1, 1e-9, 1e-9, 1e-9, 1e-9)
     moved = TrainingSet(**tensors)
     member = Member(posed, moved, seed, DEFAULT, {})
-    return last_layer([(member, params.to(device), THETA.to(device))], 3)[0]
+    return last_layer(member, params.to(device), THETA.to(device), 3)
 
 
 @pytest.mark.usefixtures("long_steps")
@@ -269,11 +269,11 @@ def test_a_time_limit_leaves_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """A step of 10 s: a further one is made only if it ends in time."""
     now, made = 100.0, []
 
-    def improve(group: list[Sums], at: list[Unknowns]) -> list[Unknowns]:
+    def improve(sums: Sums, at: Unknowns) -> Unknowns:
         nonlocal now
         now += 10.0
         made.append(now)
-        return [Unknowns(own.C, own.theta * 1.05) for own in at]
+        return Unknowns(at.C, at.theta * 1.05)
 
     monkeypatch.setattr(module.time, "monotonic", lambda: now)
     monkeypatch.setattr(module, "improve", improve)
@@ -282,5 +282,5 @@ def test_a_time_limit_leaves_one_step(monkeypatch: pytest.MonkeyPatch) -> None:
         now = 100.0
         made.clear()
         start = Unknowns(coefficients(SPEC, params), THETA)
-        iterate([sums_of(problem(), draw(0), params)], [start], until)
+        iterate(sums_of(problem(), draw(0), params), start, until)
         assert len(made) == steps

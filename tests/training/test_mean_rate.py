@@ -17,6 +17,7 @@ from granpinn.training.features import Features, coefficients
 from granpinn.training.last_layer import FEWER, mean_length
 from granpinn.training.last_layer_sums import Sums, Unknowns, choose
 from granpinn.training.objective import Member
+from granpinn.training.parallel import processes
 from granpinn.training.progress import Silent
 from tests.runs import tiny
 from tests.training.test_last_layer import PHYSICS, SPEC, THETA, draw, problem
@@ -53,7 +54,9 @@ def test_what_follows_the_step_has_its_length(
     """A comparison of laws has the equations of the last layer."""
     monkeypatch.setattr(last_layer, "CONTRADICTED", factor)
     config = tiny(steps=60)
-    run = start(members(pose(flow, config)), config, None, Silent(), time.monotonic())
+    run = start(
+        members(pose(flow, config)), config, None, Silent(), time.monotonic(), processes("cpu")
+    )
     run.train()
     ended = run.trainer.ended(0)
     assert ended is not None

@@ -20,6 +20,7 @@ from granpinn.identification import start
 from granpinn.identification.batch import identify_many
 from granpinn.identification.single import identify
 from granpinn.results.records import Assumed
+from granpinn.training.parallel import processes
 from granpinn.uncertainty import sensitivity
 from granpinn.uncertainty.error_bars import judge
 from granpinn.uncertainty.error_model import Known
@@ -131,6 +132,7 @@ def test_a_time_limit_keeps_time(monkeypatch: pytest.MonkeyPatch) -> None:
     cases = [pose(flow, tiny()) for flow in (make_flow(), solver())]
     assert assumptions.share(cases) == 0.25
     assert assumptions.share(cases[1:]) == 0
-    with_rest = start.start(cases[:1], tiny(max_time=100.0, steps=None), None, None, 0.0)
+    config = tiny(max_time=100.0, steps=None)
+    with_rest = start.start(cases[:1], config, None, None, 0.0, processes("cpu"))
     assert with_rest.limit is not None
     assert with_rest.limit.later == pytest.approx(20.0)

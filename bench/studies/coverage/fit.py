@@ -103,7 +103,7 @@ def judged(row: Row, model: ErrorModel) -> Judged:
     W = weights_at(row, x)
     variances = np.diag(W @ (model.method(row.known) + model.grains(row.known)) @ W.T)
     pull = np.abs(errors_at(row, x)) / (model.half_width() * np.sqrt(variances))
-    found = error_bars.estimate(row.members, [row.known], model).parameters
+    found = error_bars.estimate(row.members, row.known, model).parameters
     low, high = np.array([found[name].interval_90 for name in row.known.parameters]).T
     truth, mu = np.array(row.truth), np.array(row.known.mu)
     missed = np.maximum(np.maximum(low - truth, truth - high), 0.0)

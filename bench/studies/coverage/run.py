@@ -34,6 +34,7 @@ from granpinn.fit import ensemble
 from granpinn.fit.case import Case, members, pose
 from granpinn.fit.ensemble import model_of
 from granpinn.identification.start import start
+from granpinn.training import parallel
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Lines
 
@@ -86,7 +87,15 @@ def identified(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         cases = list(pool.map(posed, range(len(tasks))))
     every = [case for own in cases for case in own]
-    run = start(every, config, None, Lines(), time.monotonic(), [None] * len(every))
+    run = start(
+        every,
+        config,
+        None,
+        Lines(),
+        time.monotonic(),
+        parallel.processes(config.device),
+        [None] * len(every),
+    )
     with processes(spare=1) if len(tasks) > FEW else nullcontext() as others:
         # Lazily, after the training, where no processes are worth their start.
         balances = (others.map if others else map)(balanced, tasks, paths, settings)
