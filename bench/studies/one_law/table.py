@@ -1,75 +1,60 @@
-"""The answers of the rows of run.py, as lines.
+"""The answers of the groups of run.py, as lines.
 
-python -m bench.studies.one_law.table
+python -m bench.studies.one_law.table [GROUPS.json]
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bench.studies.one_law.run import read
+from bench.studies.one_law.run import PATH
 from granpinn.arrays import Float64
-from granpinn.checks.shared_law import DIFFERENT, best_fit
+from granpinn.checks.shared_law import DIFFERENT
 from granpinn.physics.laws import DEFAULT
-from granpinn.uncertainty.error_model import Known
 
-Rows = Sequence[dict[str, Any]]
-PATH = Path(__file__).parent / "results" / "rows.csv"
+Groups = list[dict[str, Any]]
 NAMES = ("mu_s", "mu_2", "I0")
 CLOSE = 10.0  # error of I0, %
-
-
-def records(rows: Rows, kind: str) -> list[dict[str, Any]]:
-    """The records of one kind of cases."""
-    return [row["record"] for row in rows if row["kind"] == kind]
 
 
 def theta(parameters: dict[str, Any]) -> Float64:
     return np.array([parameters[name]["value"] for name in NAMES])
 
 
-def errors(record: dict[str, Any], parameters: dict[str, Any]) -> Float64:
+def errors(group: dict[str, Any], parameters: dict[str, Any]) -> Float64:
     """Errors of mu_s, mu_2 and I0, % of the truth."""
-    return np.asarray(100 * (theta(parameters) / record["truth"] - 1))
+    return np.asarray(100 * (theta(parameters) / group["truth"] - 1))
 
 
-def held(record: dict[str, Any]) -> list[bool | None]:
+def held(group: dict[str, Any]) -> list[bool | None]:
     """Whether the intervals of mu_s, mu_2 and I0 hold the truth; None: there is none."""
     found: list[bool | None] = []
-    for name, truth in zip(NAMES, record["truth"], strict=True):
-        interval = record["joint"]["parameters"][name]["interval_90"]
+    for name, truth in zip(NAMES, group["truth"], strict=True):
+        interval = group["parameters"][name]["interval_90"]
         found.append(None if interval is None else interval[0] <= truth <= interval[1])
     return found
 
 
-def best(record: dict[str, Any]) -> Float64:
-    """The law that fits the laws of the single flows best, with their I0."""
-    known = [Known(*flow["known"])._replace(I0=None) for flow in record["apart"]]
-    I = np.concatenate([flow["I_range"] for flow in record["apart"]])
-    start = theta(record["joint"]["parameters"])
-    none = [np.zeros((2, 2))] * len(known)
-    return np.array(best_fit(known, none, I, DEFAULT, start.tolist()).theta)
-
-
-def of_curve(record: dict[str, Any], law: Float64) -> Float64:
+def of_curve(group: dict[str, Any]) -> Float64:
     """Least, largest and rms error of mu(I) of a law over the I of all flows, %."""
-    low = min(flow["I_range"][0] for flow in record["flows"])
-    high = max(flow["I_range"][1] for flow in record["flows"])
+    low, high = group["I_range"]
     I = np.geomspace(low, high, 50)
-    e = 100 * (DEFAULT.friction(I, *law) / DEFAULT.friction(I, *record["truth"]) - 1)
+    true = DEFAULT.friction(I, *group["truth"])
+    e = 100 * (DEFAULT.friction(I, *theta(group["parameters"])) / true - 1)
     return np.array([e.min(), e.max(), np.sqrt(np.mean(e**2))])
 
 
-def of_pairs(name: str, every: list[dict[str, Any]]) -> Iterator[str]:
+def of_pairs(name: str, every: Groups) -> Iterator[str]:
     """Lines of simulated pairs: I0, intervals, and mu_2 against the single flows."""
-    free = [r for r in every if not r["joint"]["parameters"]["I0"]["fixed"]]
-    e = np.array([errors(r, r["joint"]["parameters"]) for r in free])
-    intervals = [held(r) for r in free]
+    free = [g for g in every if not g["parameters"]["I0"]["fixed"]]
+    e = np.array([errors(g, g["parameters"]) for g in free])
+    intervals = [held(g) for g in free]
     counts = [
         f"{sum(v is True for v in column)}/{sum(v is not None for v in column)}"
         for column in zip(*intervals, strict=True)
@@ -80,52 +65,40 @@ def of_pairs(name: str, every: list[dict[str, Any]]) -> Iterator[str]:
         f"its error: median {np.median(np.abs(e[:, 2])):.1f}, mean {e[:, 2].mean():.1f}, rms "
         f"{_rms(e[:, 2]):.1f} %; intervals of mu_s, mu_2, I0 hold {', '.join(counts)}"
     )
-    joint = np.array([errors(r, r["joint"]["parameters"])[1] for r in every])
-    apart = np.array([[errors(r, a["parameters"])[1] for a in r["apart"]] for r in every])
-    values = [joint, *apart.T]
+    joint = np.array([errors(g, g["parameters"])[1] for g in every])
+    apart = np.array([[errors(g, a["parameters"])[1] for a in g["apart"]] for g in every])
     labels = ("one law", "collapse alone", "chute alone")
     parts = [
         f"{label} {np.median(np.abs(v)):.1f}, {_rms(v):.1f}"
-        for label, v in zip(labels, values, strict=True)
+        for label, v in zip(labels, [joint, *apart.T], strict=True)
     ]
     yield f"  mu_2, median and rms error in %: {'; '.join(parts)}"
 
 
-def of_grains(record: dict[str, Any]) -> Iterator[str]:
-    """The errors of mu(I) of the trained law, and of the one that fits the single laws best."""
-    laws = {"one law": theta(record["joint"]["parameters"]), "best fit": best(record)}
-    for name, law in laws.items():
-        low, high, rms = of_curve(record, law)
-        yield f"{name} {low:+.1f} to {high:+.1f} %, rms {rms:.1f}"
-
-
-def alarms(every: list[dict[str, Any]]) -> str:
-    p = [record["shared_law"]["p_value"] for record in every]
-    return f"{sum(v < DIFFERENT for v in p)} of {len(p)}"
-
-
-def lines(rows: Rows) -> Iterator[str]:
+def lines(every: Groups) -> Iterator[str]:
     """All answers."""
+
+    def of(kind: str) -> Groups:
+        return [group for group in every if group["kind"] == kind]
+
     for kind in ("pair", "long", "noisy"):
-        yield from of_pairs(kind, records(rows, kind))
-    for kind in ("grains", "same"):
-        for row in rows:
-            if row["kind"] == kind:
-                yield f"{kind} {row['case']}: mu(I) {'; '.join(of_grains(row['record']))}"
+        yield from of_pairs(kind, of(kind)) if of(kind) else ()
+    for group in of("grains") + of("same"):
+        low, high, rms = of_curve(group)
+        yield f"{group['kind']} {group['name']}: {low:+.1f} to {high:+.1f} %, rms {rms:.1f}"
     for kind in ("pair", "grains", "same", "foreign"):
-        yield f"{kind}: p < {DIFFERENT:g} in {alarms(records(rows, kind))}"
-    for record in records(rows, "twice"):
-        joint, once = record["joint"]["parameters"], record["apart"][0]["parameters"]
+        p = [group["p_value"] for group in of(kind)]
+        yield f"{kind}: p < {DIFFERENT:g} in {sum(v < DIFFERENT for v in p)} of {len(p)}"
+    for group in of("twice"):
         parts = []
         for name in NAMES[:2]:
-            moved = (joint[name]["value"] - once[name]["value"]) / once[name]["std"]
-            narrowed = joint[name]["std"] / once[name]["std"]
-            parts.append(f"{name} {moved:+.1f} sd, sd times {narrowed:.2f}")
+            joint, once = group["parameters"][name], group["once"][name]
+            if joint["std"] is not None and once["std"] is not None:
+                moved = (joint["value"] - once["value"]) / once["std"]
+                narrowed = joint["std"] / once["std"]
+                parts.append(f"{name} {moved:+.1f} sd, sd times {narrowed:.2f}")
         yield f"twice: {'; '.join(parts)}"
-    for row in rows:
-        if row["kind"] == "cost":
-            joint, apart = row["record"]["steps_per_s"]
-            yield f"cost {row['case']}: {apart / joint:.2f} times side by side"
+    yield f"at most {1000 * max(group['seconds'] for group in every):.0f} ms for a law"
 
 
 def _rms(values: Float64) -> float:
@@ -133,7 +106,7 @@ def _rms(values: Float64) -> float:
 
 
 if __name__ == "__main__":
-    rows = read(PATH)
-    print("\n".join(lines(rows)))
-    first = rows[0]["record"]
-    print(first["date"], first["device"], json.dumps(first["machine"]))
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else PATH
+    content = json.loads(path.read_text(encoding="utf-8"))
+    print("\n".join(lines(content["groups"])))
+    print(content["date"], content["device"], json.dumps(content["machine"]))
