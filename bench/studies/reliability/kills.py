@@ -62,16 +62,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--modes", nargs="+", choices=MODES, default=list(MODES))
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
-    parser.add_argument("--out", type=Path, help="default: results/kills-DEVICE.json")
     options = parser.parse_args()
-    out = options.out or RESULTS / f"kills-{options.device}.json"
+    out = RESULTS / f"kills-{options.device}.json"
     module = "bench.studies.reliability.kills"
     with recorded("T-2", module, out) as record, tempfile.TemporaryDirectory() as folder:
         flow = runs.make_flow(Path(folder) / "flow.h5")
-        for k, name in enumerate(options.modes):
-            count = len(range(k, options.kills, len(options.modes)))
+        for k, name in enumerate(MODES):
+            count = len(range(k, options.kills, len(MODES)))
             kill(name, count, options.seed, options.device, flow, record)
     return int(bool(record.failures))
 

@@ -47,10 +47,12 @@ class Record:
     failures: list[dict[str, Any]] = field(default_factory=list)
     details: dict[str, Any] = field(default_factory=dict)
 
-    def add(self, outcome: str, failure: Mapping[str, Any] | None = None) -> None:
-        """Count one input; `failure` says how to repeat it, if it ended as it must not."""
-        self.tried += 1
-        self.outcomes[outcome] += 1
+    def add(
+        self, outcome: str, failure: Mapping[str, Any] | None = None, *, count: int = 1
+    ) -> None:
+        """Count inputs; `failure` says how to repeat one that ended as it must not."""
+        self.tried += count
+        self.outcomes[outcome] += count
         if failure is not None:
             self.failures.append(dict(failure))
 
