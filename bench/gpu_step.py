@@ -107,7 +107,7 @@ def complete(rows: list[Row]) -> None:
 def text(rows: list[Row]) -> str:
     """A line for every row."""
     table = pd.DataFrame(rows).reindex(columns=COLUMNS)
-    return table.to_string(index=False, na_rep="-", float_format="{:.3g}".format)
+    return str(table.to_string(index=False, na_rep="-", float_format="{:.3g}".format))
 
 
 def main() -> int:
