@@ -2,7 +2,7 @@
 
 python -m bench.gpu_step --json gpu_step.json
 
-One process, one GPU, the network 3-250-250-250 in float32: time, launches and memory of a step for
+One process, one GPU, the network 3-250-250-250 in float32: time and memory of a step for
 every rival, the error of the fast mode, an ensemble. A rival that fails is a row with its error.
 --quick leaves out JAX and some sizes; --only chooses parts. --device cpu tries tiny batches.
 
@@ -23,9 +23,8 @@ import pandas as pd
 import torch
 
 from bench import gpu_accuracy, gpu_training, rivals
-from bench.device import launches
 from bench.processes import run_lines
-from bench.rivals import GRANPINN, OTHERS, OURS, Measured, Rival, Sizes
+from bench.rivals import GRANPINN, OTHERS, OURS, Sizes
 from bench.studies import raw
 from granpinn.fit.case import choose_device
 
@@ -36,18 +35,9 @@ GOALS = {
     OURS["fast"]: {512: 0.05, 32768: 1.8, 262144: 13.0},
 }
 MIXED = 0.6
-COLUMNS = ["name", "form", "points", "ms", "launches", "peak_gb"]
+COLUMNS = ["name", "form", "points", "ms", "peak_gb"]
 COLUMNS += ["best_rival", "times_faster", "goal_ms", "error"]
 Row = dict[str, Any]
-
-
-def measure(some: list[Rival], sizes: Sizes, device: torch.device) -> list[Measured]:
-    """All sizes of some rivals."""
-    return [
-        rivals.measure(rival, form, points, device)
-        for rival, (form, counts) in itertools.product(some, sizes.items())
-        for points in counts
-    ]
 
 
 def jax_rows(sizes: Sizes, device: torch.device) -> list[Row]:
@@ -65,16 +55,6 @@ def jax_rows(sizes: Sizes, device: torch.device) -> list[Row]:
         lines += [{"name": "JAX", "form": form, "points": n, "error": error} for n in missing]
         rows += lines
     return rows
-
-
-def count_launches(measured: Measured) -> Row:
-    """A row with its launches. Profiling slows later launches down: call it after all timings."""
-    if measured.advance is not None:
-        try:
-            measured.row["launches"] = launches(measured.advance, measured.steps)
-        except Exception as error:
-            measured.row["launches_error"] = f"{type(error).__name__}: {error}"
-    return measured.row
 
 
 def gpu(device: torch.device) -> dict[str, Any]:
@@ -136,8 +116,12 @@ def main() -> int:
         print("\n".join(map(str, result["ensembles"])))
     if "rows" in own.only:
         sizes = rivals.TINY_SIZES if tiny else rivals.QUICK_SIZES if own.quick else rivals.SIZES
-        measured = measure([*GRANPINN, *OTHERS], sizes, device)
-        rows = [*map(count_launches, measured), *([] if own.quick else jax_rows(sizes, device))]
+        rows = [
+            rivals.measure(rival, form, points, device)
+            for rival, (form, counts) in itertools.product([*GRANPINN, *OTHERS], sizes.items())
+            for points in counts
+        ]
+        rows += [] if own.quick else jax_rows(sizes, device)
         complete(rows)
         add("rows", rows)
         print(text(rows))
