@@ -25,22 +25,15 @@ _PYTEST = (
 )
 
 
-def copy_tree(to: Path, compiled: bool = True) -> None:
-    """Copies the repository to an empty folder, with the compiled modules if they are wanted."""
-    ignored = ["__pycache__", "build", *([] if compiled else ["*.so"])]
+def copy_tree(to: Path) -> None:
+    """Copies the repository to an empty folder, without compiled modules."""
+    ignored = shutil.ignore_patterns("__pycache__", "build", "*.so")
     for name in FOLDERS:
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, to / name, ignore=shutil.ignore_patterns(*ignored))
+            shutil.copytree(ROOT / name, to / name, ignore=ignored)
     for name in FILES:
         if (ROOT / name).is_file():
             shutil.copy2(ROOT / name, to / name)
-
-
-def remove(tree: Path) -> None:
-    """Removes a copy; it must have been made by `copy_tree`."""
-    if not (tree / "CMakeLists.txt").is_file():
-        raise ValueError(f"{tree} must be a copy of the repository, and has no CMakeLists.txt")
-    shutil.rmtree(tree)
 
 
 def build(tree: Path, folder: Path, options: Sequence[str] = ()) -> str:

@@ -1,7 +1,7 @@
-"""Timing of a step on a GPU: device events, launches, peak memory.
+"""Timing of a step on a GPU: device events and peak memory.
 
 A CPU can only try out the GPU benchmark: there the wall clock takes the place of events, and the
-other measurements are None.
+memory is None.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ from __future__ import annotations
 import gc
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import torch
@@ -70,41 +71,13 @@ def graphed(step: Advance, steps: int) -> Advance:
     return replay
 
 
-def launches(advance: Advance, steps: int = 1) -> float | None:
-    """Kernels per step, by torch.profiler, of an `advance` that makes `steps` steps.
-
-    Profiling slows later launches down, so call it after all timings.
-    """
-    if not torch.cuda.is_available():
-        return None
-    from torch._C._autograd import DeviceType
-    from torch.profiler import ProfilerActivity, profile
-
-    advance()
-    torch.cuda.synchronize()
-    with profile(activities=[ProfilerActivity.CUDA]) as found:
-        advance()
-        torch.cuda.synchronize()
-    other = ("Memcpy", "Memset", "Optimizer.", "ProfilerStep")
-    names = [e.name for e in found.events() or [] if e.device_type == DeviceType.CUDA]
-    return round(sum(not name.startswith(other) for name in names) / steps, 1)
-
-
-class PeakMemory:
-    """Peak bytes of the tensors that a block allocates; earlier tensors do not count."""
-
-    def __init__(self, device: torch.device) -> None:
-        self.device = device
-        self.bytes: int | None = None
-
-    def __enter__(self) -> PeakMemory:
-        gc.collect()
-        if self.device.type == "cuda":
-            torch.cuda.empty_cache()
-            torch.cuda.reset_peak_memory_stats()
-            self.before = torch.cuda.memory_allocated()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        if self.device.type == "cuda":
-            self.bytes = torch.cuda.max_memory_allocated() - self.before
+@contextmanager
+def peak_memory(device: torch.device) -> Iterator[Callable[[], int | None]]:
+    """Gives a function: peak bytes of the tensors that the block has allocated so far."""
+    on_gpu, before = device.type == "cuda", 0
+    gc.collect()
+    if on_gpu:
+        torch.cuda.empty_cache()
+        torch.cuda.reset_peak_memory_stats()
+        before = torch.cuda.memory_allocated()
+    yield lambda: torch.cuda.max_memory_allocated() - before if on_gpu else None

@@ -64,9 +64,9 @@ class Weighed:
             weights = self.params.new_tensor(self.term_weights)
             yield self.data.at(i, j), weights, self.spec, self.physics
 
-    def copies(self, count: int) -> Iterator[Tensor]:
+    def copies(self) -> Iterator[Tensor]:
         """Copies of the parameters with random, small relative changes."""
-        for seed in range(count):
+        for seed in range(COPIES):
             rng = torch.Generator().manual_seed(seed)
             change = torch.randn(self.params.shape, generator=rng, dtype=torch.float64)
             yield (self.params.double() * (1 + COPIED * change)).float()
@@ -86,10 +86,9 @@ def trained_network(form: str, steps: int, device: torch.device) -> Weighed:
 
 
 def ratios(
-    network: Weighed, device: torch.device, interior: int, surface: int, copies: int = COPIES
+    network: Weighed, device: torch.device, interior: int, surface: int
 ) -> list[list[float]]:
     """Error of the gradient in mode "fast" over that in mode "fp32", [copies][batches]."""
-
     loss: Any = ops.residual_loss
 
     def ratio(*arguments: Any) -> float:
@@ -103,8 +102,7 @@ def ratios(
 
     batches = list(network.batches(interior, surface))
     return [
-        [ratio(params, network.theta, *batch) for batch in batches]
-        for params in network.copies(copies)
+        [ratio(params, network.theta, *batch) for batch in batches] for params in network.copies()
     ]
 
 
@@ -122,13 +120,3 @@ def study(device: torch.device, steps: int, sizes: tuple[int, int]) -> list[dict
         | judged(ratios(trained_network(form, steps, device), device, *sizes))
         for form in ("strong", "mixed")
     ]
-
-
-def text(rows: Sequence[dict[str, Any]]) -> str:
-    """A line for every form."""
-    return "\n".join(
-        f"error of the gradient, fast / fp32, {row['form']}: {row['ratio']:.2f} "
-        f"({row['range'][0]:.2f} to {row['range'][1]:.2f})"
-        + ("" if row["rule_kept"] else f", above {RULE}")
-        for row in rows
-    )

@@ -2,10 +2,9 @@
 
 python -m bench.gpu_step --json gpu_step.json
 
-One process, one GPU, the network 3-250-250-250 in float32: time, launches and memory of a step for
-every rival, the error of the fast mode, an ensemble. A rival that
-fails is a row with its error. --quick leaves out JAX and some sizes; --only chooses parts.
---device cpu tries the command on tiny batches.
+One process, one GPU, the network 3-250-250-250 in float32: time and memory of a step for
+every rival, the error of the fast mode, an ensemble. A rival that fails is a row with its error.
+--quick leaves out JAX and some sizes; --only chooses parts. --device cpu tries tiny batches.
 
 Goals: ms of a step in the strong form on an H200, see GOALS; the mixed form has 0.6 of it.
 """
@@ -20,12 +19,12 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import torch
 
 from bench import gpu_accuracy, gpu_training, rivals
-from bench.device import launches
 from bench.processes import run_lines
-from bench.rivals import GRANPINN, OTHERS, OURS, Measured, Rival, Sizes
+from bench.rivals import GRANPINN, OTHERS, OURS, Sizes
 from bench.studies import raw
 from granpinn.training.parallel import choose_device
 
@@ -36,16 +35,9 @@ GOALS = {
     OURS["fast"]: {512: 0.05, 32768: 1.8, 262144: 13.0},
 }
 MIXED = 0.6
+COLUMNS = ["name", "form", "points", "ms", "peak_gb"]
+COLUMNS += ["best_rival", "times_faster", "goal_ms", "error"]
 Row = dict[str, Any]
-
-
-def measure(some: list[Rival], sizes: Sizes, device: torch.device) -> list[Measured]:
-    """All sizes of some rivals."""
-    return [
-        rivals.measure(rival, form, points, device)
-        for rival, (form, counts) in itertools.product(some, sizes.items())
-        for points in counts
-    ]
 
 
 def jax_rows(sizes: Sizes, device: torch.device) -> list[Row]:
@@ -63,16 +55,6 @@ def jax_rows(sizes: Sizes, device: torch.device) -> list[Row]:
         lines += [{"name": "JAX", "form": form, "points": n, "error": error} for n in missing]
         rows += lines
     return rows
-
-
-def count_launches(measured: Measured) -> Row:
-    """A row with its launches. Profiling slows later launches down: call it after all timings."""
-    if measured.advance is not None:
-        try:
-            measured.row["launches"] = launches(measured.advance, measured.steps)
-        except Exception as error:
-            measured.row["launches_error"] = f"{type(error).__name__}: {error}"
-    return measured.row
 
 
 def gpu(device: torch.device) -> dict[str, Any]:
@@ -104,22 +86,8 @@ def complete(rows: list[Row]) -> None:
 
 def text(rows: list[Row]) -> str:
     """A line for every row."""
-    head = f"{'ms per step':40}{'form':>8}{'B':>9}{'ms':>10}{'launches':>10}{'peak GB':>9}"
-    lines = [head]
-    for row in rows:
-        cells = [f"{row['name']:40}{row['form']:>8}{row['points']:>9,}"]
-        if "error" in row:
-            lines.append(f"{cells[0]} {row['error']}")
-            continue
-        for name, width in (("ms", 10), ("launches", 10), ("peak_gb", 9)):
-            known = row.get(name) is not None
-            cells.append(f"{row[name]:{width}.3g}" if known else f"{'-':>{width}}")
-        if "best_rival" in row:
-            cells.append(f"  {row['times_faster']:.2f}x {row['best_rival']}")
-        if "goal_ms" in row:
-            cells.append(f"  goal {row['goal_ms']:.3g} ms")
-        lines.append("".join(cells))
-    return "\n".join(lines)
+    table = pd.DataFrame(rows).reindex(columns=COLUMNS)
+    return str(table.to_string(index=False, na_rep="-", float_format="{:.3g}".format))
 
 
 def main() -> int:
@@ -142,14 +110,18 @@ def main() -> int:
     if "accuracy" in own.only:
         steps, batch = (8, (32, 8)) if tiny else (3000, (1024, 128))
         add("accuracy", gpu_accuracy.study(device, steps, batch))
-        print(gpu_accuracy.text(result["accuracy"]))
+        print("\n".join(map(str, result["accuracy"])))
     if "ensembles" in own.only:
         add("ensembles", gpu_training.ensemble(device, *((4, 8) if tiny else (32, 512))))
         print("\n".join(map(str, result["ensembles"])))
     if "rows" in own.only:
         sizes = rivals.TINY_SIZES if tiny else rivals.QUICK_SIZES if own.quick else rivals.SIZES
-        measured = measure([*GRANPINN, *OTHERS], sizes, device)
-        rows = [*map(count_launches, measured), *([] if own.quick else jax_rows(sizes, device))]
+        rows = [
+            rivals.measure(rival, form, points, device)
+            for rival, (form, counts) in itertools.product([*GRANPINN, *OTHERS], sizes.items())
+            for points in counts
+        ]
+        rows += [] if own.quick else jax_rows(sizes, device)
         complete(rows)
         add("rows", rows)
         print(text(rows))

@@ -15,7 +15,8 @@ import jax.numpy as jnp
 import torch
 from torch import Tensor
 
-from bench.steps import ETA_MAX, ETA_MIN, G_X, G_Y, P_FLOOR, SMOOTHING, D, P, Task, U
+from bench.steps import ETA_MAX, ETA_MIN, G_X, G_Y, P_FLOOR, D, P, Task, U
+from granpinn.reference.equations import SMOOTHING
 
 Array = Any
 SECOND = ((1, 1), (1, 2), (2, 2))

@@ -10,7 +10,6 @@ Taylor jets written by hand. Compiled by torch.compile, the jets by hand take ab
 from __future__ import annotations
 
 import argparse
-import json
 import runpy
 import statistics
 import time
@@ -22,12 +21,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from bench.machine import describe
+from bench.studies import raw
 from granpinn import SwishNetwork
 from granpinn.kernels.swish_network import Jet
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "navier_stokes.py"
-POINTS = 1024
+POINTS, ROUNDS = 1024, 40
 CHANNELS = 7  # value, x, y, t, xx, xy, yy
 PAIRS = ((0, 0), (0, 1), (1, 1))  # of the second derivatives
 
@@ -99,29 +98,23 @@ def steps(compiled: bool = False) -> dict[str, Step]:
     return found
 
 
-def milliseconds(step: Step, rounds: int) -> float:
+def milliseconds(step: Step) -> float:
     """Median CPU time of a step, after two for warming up."""
     found = []
-    for _ in range(rounds + 2):
+    for _ in range(ROUNDS + 2):
         begin = time.process_time()
         step()
         found.append(1e3 * (time.process_time() - begin))
-    return statistics.median(found[2:])
+    return round(statistics.median(found[2:]), 2)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=40)
     parser.add_argument("--out", type=Path)
-    args = parser.parse_args()
-    found = {
-        name: round(milliseconds(step, args.rounds), 2)
-        for name, step in steps(compiled=True).items()
-    }
-    row = describe() | {"threads": torch.get_num_threads(), "points": POINTS, "cpu_ms": found}
-    print(json.dumps(row, indent=2))
-    if args.out is not None:
-        args.out.write_text(json.dumps(row, indent=2) + "\n", encoding="utf-8")
+    out = parser.parse_args().out
+    found = {name: milliseconds(step) for name, step in steps(compiled=True).items()}
+    row = {"threads": torch.get_num_threads(), "points": POINTS, "cpu_ms": found}
+    print(raw.write(out, row))
 
 
 if __name__ == "__main__":

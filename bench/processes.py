@@ -21,6 +21,6 @@ def run_lines(
             reason = (done.stderr.strip().splitlines() or ["no message"])[-1][:300]
     except subprocess.TimeoutExpired as error:
         out = error.stdout.decode() if isinstance(error.stdout, bytes) else error.stdout or ""
-        reason = "no time left, see --seconds"
+        reason = "no time left"
     lines = [line for line in out.splitlines() if line.startswith("{") and line.endswith("}")]
     return [json.loads(line) for line in lines], reason

@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 
-from bench.device import Advance, PeakMemory, graphed, milliseconds
+from bench.device import Advance, graphed, milliseconds, peak_memory
 from bench.steps import Task, eager_step, fused_step, make_task
 
 OURS = {"fp32": "granpinn fp32", "fast": "granpinn fast"}
@@ -42,34 +42,23 @@ OTHERS = [
 ]
 
 
-@dataclass
-class Measured:
-    """A row of the results, and the step of a row whose launches are still to be counted."""
-
-    row: dict[str, Any]
-    advance: Advance | None
-    steps: int
-
-
-def measure(rival: Rival, form: str, points: int, device: torch.device) -> Measured:
+def measure(rival: Rival, form: str, points: int, device: torch.device) -> dict[str, Any]:
     """Time and memory of a step; an error is part of the row."""
     row: dict[str, Any] = {"name": rival.name, "form": form, "points": points}
     use_graph = rival.graph and device.type == "cuda"
     steps = STEPS_PER_GRAPH if use_graph and points <= SMALL else 1
     task = make_task(form, points).to(device)
     try:
-        with PeakMemory(device) as memory:
+        with peak_memory(device) as peak:
             step = rival.make(task)
             advance = graphed(step, steps) if use_graph else step
             ms = milliseconds(advance, device) / steps
             if not math.isfinite(loss := float(advance())):
                 raise ArithmeticError(f"the loss became {loss}")
             row["ms"] = ms
-        if memory.bytes is not None:
-            row["peak_gb"] = memory.bytes / 1e9
+            if (found := peak()) is not None:
+                row["peak_gb"] = found / 1e9
     except Exception as error:  # the other rivals are measured after any error of this one
         lines = str(error).strip().splitlines()
         row["error"] = f"{type(error).__name__}: {lines[0][:300] if lines else ''}"
-        return Measured(row, None, steps)
-    keep = points <= SMALL or rival in GRANPINN
-    return Measured(row, advance if keep else None, steps)
+    return row

@@ -2,7 +2,7 @@
 
     python -m bench.sanitize_host --out bench/studies/reliability/results/sanitizers.json
 
-Builds a copy of the repository in build/sanitize with -fsanitize=address,undefined. The first
+Builds a copy of the repository with -fsanitize=address,undefined. The first
 report ends the test process. Exit code 0: no report, and no test failed. Needs g++ and its libasan.
 """
 
@@ -13,18 +13,18 @@ import json
 import re
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from bench import copied_tree
-from bench.studies.reliability.record import Record, command_of
+from bench.studies.reliability.record import recorded
 
 BUILD = ["-DGRANPINN_SANITIZE=ON", "-DGRANPINN_CUDA=off", "-DCMAKE_CXX_FLAGS_RELEASE=-O1"]
-WORK = copied_tree.ROOT / "build" / "sanitize"
 
 # Small work alone: tests that time something or import other compiled libraries stay out.
 # The longest come first, so that no process waits for them at the end.
@@ -93,53 +93,33 @@ def check(tree: Path, tests: str, kernels: str) -> dict[str, Any]:
     }
 
 
-def gathered(rows: Sequence[dict[str, Any]], build_seconds: float, seconds: float) -> Record:
-    """The record of gate K-6: tests that passed, and files of tests with a failure or a report.
-
-    Args:
-        seconds: time of the whole run.
-    """
-    record = Record("K-6", command=command_of("bench.sanitize_host"))
-    cases = {}
-    for row in rows:
-        record.outcomes["passed"] += row["passed"]
-        record.tried += row["passed"]
-        if row["exit_code"] or row["reports"]:
-            record.add("failure or report", row)
-        cases[f"{row['tests']}, {row['kernels']}"] = {
-            name: row[name] for name in ("passed", "seconds")
-        }
-    record.seconds = seconds
-    record.details = {"build_seconds": build_seconds, "cases": cases}
-    return record
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, help="JSON file with tests, reports and times")
     parser.add_argument("--kernels", nargs="+", default=["avx512"], help="avx512, avx2, generic")
     parser.add_argument("--shards", type=int, default=1, help="processes of the tests")
     own = parser.parse_args()
-    tree = WORK / "tree"
-    if tree.exists():
-        copied_tree.remove(tree)
-    copied_tree.copy_tree(tree, compiled=False)
-    begin = time.monotonic()
-    if error := copied_tree.build(tree, WORK / "cmake", BUILD):
-        print(f"sanitize_host: the build failed:\n{error}", file=sys.stderr)
-        return 2
-    built = round(time.monotonic() - begin, 1)
-    rows: list[dict[str, Any]] = []
-    with ThreadPoolExecutor(own.shards) as pool:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        recorded("K-6", "bench.sanitize_host", own.out) as record,
+        ThreadPoolExecutor(own.shards) as pool,
+    ):
+        tree = Path(folder) / "tree"
+        copied_tree.copy_tree(tree)
+        if error := copied_tree.build(tree, Path(folder) / "cmake", BUILD):
+            print(f"sanitize_host: the build failed:\n{error}", file=sys.stderr)
+            return 2
+        record.details["cases"] = {}
         cases = product(files_of(TESTS), own.kernels)
         for done in as_completed([pool.submit(check, tree, *case) for case in cases]):
-            rows.append(done.result())
-            print(json.dumps(rows[-1]), flush=True)
-            if own.out:
-                gathered(rows, built, time.monotonic() - begin).write(own.out)
-    failed = [row for row in rows if row["exit_code"] or row["reports"]]
-    print(f"sanitize_host: {len(failed)} of {len(rows)} files with a report or a failure")
-    return int(bool(failed))
+            row = done.result()
+            print(json.dumps(row), flush=True)
+            record.add("passed", count=row["passed"])
+            if row["exit_code"] or row["reports"]:
+                record.add("failure or report", row)
+            counted = {name: row[name] for name in ("passed", "seconds")}
+            record.details["cases"][f"{row['tests']}, {row['kernels']}"] = counted
+    return int(bool(record.failures))
 
 
 if __name__ == "__main__":

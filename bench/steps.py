@@ -1,9 +1,8 @@
 """One optimization step, loss + gradients + Adam update, as granpinn and as a PINN user write it.
 
-All train the paper's network, 3x250 swish, on the same points with the same loss (terms 0, 2, 3
-and, in the mixed form, 4 of `granpinn.reference.loss`, unit weights, no surface points). On a GPU
-no step waits for the device, so that it can be captured: granpinn's Adam is its own, the rivals'
-is torch's fused one.
+All train the paper's network, 3x250 swish, on the same points with the same loss: that of
+`granpinn.reference.loss` with unit weights and no surface points. On a GPU no step waits for the
+device, so that it can be captured: granpinn's Adam is its own, the rivals' is torch's fused one.
 """
 
 from __future__ import annotations
@@ -16,20 +15,16 @@ from typing import Any
 
 import torch
 from torch import Tensor
-from torch.nn.functional import logsigmoid, silu
 
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.laws import DEFAULT
 from granpinn.physics.terms import LossPoints
-from granpinn.reference import friction, inertial_number, viscosity
+from granpinn.reference.loss import loss_terms
 
 HIDDEN = [250, 250, 250]
 D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR = [0.02, 0.0, -1.0, 0.0, 1e4, 1.0, 1.0, 1e-4]
 PHYSICS = [D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR, math.inf, 0.0, 1.0]
 THETA = (0.4, 0.64, 0.3)
-SMOOTHING = 1e-12
-
-Network = Callable[[Tensor], Tensor]
 
 
 @dataclass(frozen=True)
@@ -110,24 +105,10 @@ def adam(task: Task) -> tuple[Tensor, Tensor, torch.optim.Optimizer]:
     return params, theta, torch.optim.Adam([params, theta], lr=5e-4, **options)
 
 
-def network_of(
-    params: Tensor, widths: list[int], activation: Callable[[Tensor], Tensor] = silu
-) -> Network:
-    """The network of these parameters, points [B, 3] -> outputs [B, O]."""
-
-    def network(x: Tensor) -> Tensor:
-        start = 0
-        for layer, (n_in, n_out) in enumerate(pairwise(widths)):
-            W = params[start : start + n_out * n_in].view(n_out, n_in)
-            b = params[start + n_out * n_in : start + n_out * (n_in + 1)]
-            start += n_out * (n_in + 1)
-            x = torch.nn.functional.linear(activation(x) if layer else x, W, b)
-        return x
-
-    return network
-
-
-# ---------------------------------------------------------------- fused
+def on_device(task: Task) -> NetworkSpec:
+    """The network with its shift and scale as tensors: a step in a graph copies nothing."""
+    new = task.points.new_tensor
+    return replace(task.spec, input_shift=new([0.0] * 3), input_scale=new([1.0] * 3))
 
 
 def fused_step(task: Task, precision: str = "fp32", update: bool = True) -> Callable[[], Tensor]:
@@ -138,8 +119,7 @@ def fused_step(task: Task, precision: str = "fp32", update: bool = True) -> Call
     params, theta = task.params.clone(), task.theta.clone()
     optimizer = OwnAdam(params, theta)
     new = task.points.new_tensor
-    spec = replace(task.spec, input_shift=new([0.0] * 3), input_scale=new([1.0] * 3))
-    arguments = (task.batch, new([1.0] * 5), spec, new(PHYSICS), DEFAULT.name)
+    arguments = (task.batch, new([1.0] * 5), on_device(task), new(PHYSICS), DEFAULT.name)
 
     def step() -> Tensor:
         loss, _, *gradients = ops.residual_loss(params, theta, *arguments, precision=precision)
@@ -150,76 +130,19 @@ def fused_step(task: Task, precision: str = "fp32", update: bool = True) -> Call
     return step
 
 
-# ---------------------------------------------------------------- eager
-
-
-def _gradient(f: Tensor, points: Tensor) -> tuple[Tensor, ...]:
-    (g,) = torch.autograd.grad(f, points, torch.ones_like(f), create_graph=True)
-    return g.unbind(1)
-
-
-def nested_loss(task: Task, params: Tensor, theta: Tensor, points: Tensor) -> Tensor:
-    """The loss by nested torch.autograd.grad at `points`, which require gradients."""
-    z = network_of(params, task.widths)(points)
-    u, v, p = _fields(z)
-    first = [_gradient(f, points) for f in (u, v, p)]
-    stress = _stress(task.form, z, p, first, theta)
-    xx, xy, yy = (_gradient(tau, points) for tau in stress)
-    return _loss(task, z, first, (xx[0] + xy[1], xy[0] + yy[1]), theta)
-
-
 def eager_step(task: Task) -> Callable[[], Tensor]:
-    """Nested torch.autograd.grad, as PINNs are usually written."""
+    """Nested torch.autograd.grad, as PINNs are usually written: the loss of granpinn.reference."""
     params, theta, optimizer = adam(task)
-    points = task.points.clone().requires_grad_()
+    batch, spec = task.batch, on_device(task)
 
     def step() -> Tensor:
         optimizer.zero_grad()
-        loss = nested_loss(task, params, theta, points)
+        loss = loss_terms(params, theta, batch, spec, PHYSICS).sum()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
         return loss.detach()
 
     return step
-
-
-# ---------------------------------------------------------------- the equations, once
-
-
-def _fields(z: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    p = P * z[:, 2] if z.shape[1] == 3 else -P * logsigmoid(-z[:, 2])
-    return U * z[:, 0], U * z[:, 1], p
-
-
-def _stress(form: str, z: Tensor, p: Tensor, first: list[Any], theta: Tensor) -> tuple[Tensor, ...]:
-    """(tau_xx, tau_xy, tau_yy) from the outputs and (u, v)'s first derivatives."""
-    if form == "mixed":
-        return p * z[:, 3], p * z[:, 4], -p * z[:, 3]
-    (u_x, u_y), (v_x, v_y) = (derivatives[:2] for derivatives in first[:2])
-    shear = u_y + v_x
-    gamma_dot = torch.sqrt(2 * u_x**2 + 2 * v_y**2 + shear**2 + SMOOTHING)
-    eta = viscosity(gamma_dot, p, theta, D, ETA_MIN, ETA_MAX, P_FLOOR)
-    return 2 * eta * u_x, eta * shear, 2 * eta * v_y
-
-
-def _loss(
-    task: Task, z: Tensor, first: list[Any], divergence: tuple[Tensor, Tensor], theta: Tensor
-) -> Tensor:
-    u, v, p = _fields(z)
-    (u_x, u_y, u_t), (v_x, v_y, v_t), (p_x, p_y, _) = first
-    squares = [
-        u - task.velocity[:, 0],
-        v - task.velocity[:, 1],
-        u_t + u * u_x + v * u_y + p_x - divergence[0] - G_X,
-        v_t + u * v_x + v * v_y + p_y - divergence[1] - G_Y,
-        u_x + v_y,
-    ]
-    if task.form == "mixed":
-        two_D_1, two_D_2 = u_x - v_y, u_y + v_x
-        gamma_dot = torch.sqrt(two_D_1**2 + two_D_2**2 + SMOOTHING)
-        mu = friction("mu_of_i", inertial_number(gamma_dot, p, D, P_FLOOR), theta)
-        squares += [gamma_dot * z[:, 3] / mu - two_D_1, gamma_dot * z[:, 4] / mu - two_D_2]
-    return torch.stack([(e**2).mean() for e in squares]).sum() / 2
 
 
 STEPS: dict[str, Callable[[Task], Callable[[], Tensor]]] = {

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from bench.memory import peak_in_subprocess
+from bench.memory import peak_in_process
 
 FUSED = [4096, 16_384, 65_536]
 
@@ -18,7 +18,7 @@ FUSED = [4096, 16_384, 65_536]
 @pytest.mark.parametrize("form", ["strong", "mixed"])
 def test_fused_memory_is_flat(benchmark: Any, form: str) -> None:
     def measure() -> dict[int, float]:
-        return {points: peak_in_subprocess(form, "fused", points) for points in FUSED}
+        return {points: peak_in_process(form, "fused", points) for points in FUSED}
 
     megabytes = benchmark.pedantic(measure, rounds=1)
     benchmark.extra_info.update(form=form, step="fused", peak_megabytes=megabytes)
@@ -29,7 +29,7 @@ def test_fused_memory_is_flat(benchmark: Any, form: str) -> None:
 @pytest.mark.parametrize("form", ["strong", "mixed"])
 def test_eager_memory(benchmark: Any, form: str) -> None:
     def measure() -> dict[int, float]:
-        return {points: peak_in_subprocess(form, "eager autograd", points) for points in FUSED[:1]}
+        return {points: peak_in_process(form, "eager autograd", points) for points in FUSED[:1]}
 
     megabytes = benchmark.pedantic(measure, rounds=1)
     benchmark.extra_info.update(form=form, step="eager autograd", peak_megabytes=megabytes)

@@ -1,4 +1,4 @@
-"""Many small jobs, one for each core: simulations of the flows of a study."""
+"""Work in processes without the state of this one: one for each core, or one alone."""
 
 from __future__ import annotations
 
@@ -19,6 +19,12 @@ def processes(spare: int = 0, **settings: Any) -> ProcessPoolExecutor:
     """
     cores = max(1, len(os.sched_getaffinity(0)) - spare)
     return ProcessPoolExecutor(cores, multiprocessing.get_context("spawn"), **settings)
+
+
+def alone(job: Callable[..., Result], *arguments: Any) -> Result:
+    """`job(*arguments)` in a process of its own: its peak of memory is that of the job."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(job, *arguments).result()
 
 
 def on_all_cores(job: Callable[..., Result], *columns: Iterable[Any]) -> list[Result]:

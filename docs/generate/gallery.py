@@ -46,6 +46,7 @@ def of_run(folder: str, *names: str) -> tuple[str, ...]:
     return tuple(f"{folder}/figures/{name}.png" for name in names)
 
 
+ANSWER = ("mu_s ", "mu_2 ", "b ", "mu(I) ", "GOOD", "CARE", "DO NOT USE")
 CASES = {
     "collapse": Case(
         "A column collapses",
@@ -102,7 +103,7 @@ def page() -> str:
     printed = json.loads(RECORD.read_text(encoding="utf-8"))
     parts = []
     for name, case in CASES.items():
-        commands, lines = "\n".join(case.commands), printed[name].strip()
+        commands, lines = "\n".join(case.commands), answer(printed[name])
         parts += [
             f"## {case.title}",
             f"![{case.title}](images/gallery/{name}.png)",
@@ -111,6 +112,12 @@ def page() -> str:
             f"```text\n{lines}\n```",
         ]
     return "\n\n".join(parts)
+
+
+def answer(printed: str) -> str:
+    """The lines of the values and the grade; all lines where there are none."""
+    lines = printed.strip().splitlines()
+    return "\n".join([line for line in lines if line.startswith(ANSWER)] or lines)
 
 
 def make(name: str, folder: Path) -> str:

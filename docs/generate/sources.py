@@ -237,14 +237,10 @@ def jets_table() -> Iterator[str]:
 
 
 def studies() -> Iterator[str]:
-    """The notes of all studies, each with its question."""
-    yield from ("| study | question |", "|---|---|")
+    """The questions of all studies, each with a link to its note."""
     for note in sorted((ROOT / STUDIES).glob("**/note.md")):
-        title = note.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
-        question = title.rpartition(": ")[2]
-        name = note.parent.name.replace("_", " ")
-        link = note.relative_to(ROOT).as_posix()
-        yield f"| [{name}](../../{link}) | {question[0].upper()}{question[1:]} |"
+        question = note.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+        yield f"- [{question}](../../{note.relative_to(ROOT).as_posix()})"
 
 
 def layers() -> str:

@@ -73,7 +73,7 @@ def residuals(
     """
     points = points.detach().requires_grad_()
     z, constants = raw(points), Physics(*physics)
-    force = z.new_tensor([constants.g_x, constants.g_y]).expand(len(z), 2)
+    force = torch.stack([torch.full_like(z[:, 0], g) for g in (constants.g_x, constants.g_y)], 1)
     if source is not None:
         force = force + source
     if form == "strong":

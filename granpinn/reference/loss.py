@@ -55,8 +55,8 @@ def loss_terms(
         "surface": _half_mean(torch.ones_like(surface_pressure), misfit_surface.unsqueeze(1)),
     }
     for name in NAMES[len(terms) :]:
-        columns = [k for k, term in enumerate(names) if term == name]
-        terms[name] = _half_mean(w_f, e[:, columns])
+        first = names.index(name) if name in names else 0
+        terms[name] = _half_mean(w_f, e[:, first : first + names.count(name)])
     return torch.stack(list(terms.values()))
 
 

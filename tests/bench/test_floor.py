@@ -32,8 +32,6 @@ from bench.studies.floor.sampling import Sampling, sample
 from granpinn.arrays import Float64
 from granpinn.fit.case import pose
 from granpinn.kernels import ops
-from granpinn.physics.laws import FrictionLaw
-from granpinn.training import equations
 from tests.runs import tiny
 
 
@@ -126,21 +124,9 @@ def test_the_exact_fields_solve_the_problem_of_the_training(name: str) -> None:
     np.testing.assert_allclose(e[:, 2].numpy(), 0, atol=1e-10)
 
 
-@pytest.mark.parametrize("local", [False, True])
-def test_the_study_runs(local: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The local law has no mean at any point."""
-    seen: list[float] = []
-
-    def ill_posed(I: Tensor, theta: Tensor, law: FrictionLaw) -> Tensor:
-        found = whole(I, theta, law)
-        seen.append(float(found.max()))
-        return found
-
-    whole = equations.ill_posed
-    monkeypatch.setattr(equations, "ill_posed", ill_posed)
+def test_the_study_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     words = ["--cases", "plug 16", "--seeds", "2", "--device", "cpu", "--steps", "12"]
     words += ["--noises", "0", "0.1"]
-    words += ["--local-law"] if local else []
     words += ["--network.widths", "9,7", "--batch.interior", "33", "--batch.surface", "6"]
     monkeypatch.setattr(sys, "argv", ["run", *words, "--json", str(tmp_path / "floor.json")])
     assert run.main() == 0
@@ -152,7 +138,6 @@ def test_the_study_runs(local: bool, tmp_path: Path, monkeypatch: pytest.MonkeyP
         (0.1, 1),
     ]
     assert found["rows"][2]["residuals"]["noise"] > 0
-    assert found["local_law"] is local is (max(seen) == 0)
     for row in found["rows"]:
         assert row["mu_s_percent"] == pytest.approx(100 * (row["found"]["mu_s"] / 0.4 - 1))
         assert len(row["mu_percent"]) == len(found["I"])

@@ -24,7 +24,6 @@ def test_files_run_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
             "seconds": 0.1,
         }
 
-    monkeypatch.setattr(sanitize_host, "WORK", tmp_path)
     monkeypatch.setattr(sanitize_host, "check", check)
     monkeypatch.setattr(copied_tree, "copy_tree", lambda *_, **__: None)
     monkeypatch.setattr(copied_tree, "build", lambda *_: "")

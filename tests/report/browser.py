@@ -135,9 +135,6 @@ class Browser:
         image = Image.open(io.BytesIO(base64.b64decode(answer["data"])))
         return np.asarray(image.convert("RGB"))
 
-    def pdf(self) -> bytes:
-        return base64.b64decode(self.call("Page.printToPDF", printBackground=True)["data"])
-
     def _read(self, end: float) -> dict[str, Any]:
         while b"\0" not in self._buffer:
             ready, _, _ = select.select([self._in], [], [], max(0.0, end - time.monotonic()))

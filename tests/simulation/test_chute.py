@@ -115,28 +115,3 @@ def test_flow_file_is_that_of_a_chute(tmp_path: Path) -> None:
     below = flow.p[:, :16]
     np.testing.assert_allclose(below, np.broadcast_to(weight[:, None], below.shape), rtol=0.01)
     assert np.abs(surface.p).max() < 1e-3 * weight[0]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["chute", "--aspect", "2"], "--aspect is a setting of a collapse, and this is a chute"),
-        (["--slope", "20"], "--slope is a setting of a chute, and this is a collapse"),
-        (["drum"], "invalid choice: 'drum'"),
-        (["chute", "--slope", "80"], "slope must be in [0, 60], got 80"),
-        (["chute", "--d", "20"], "must be smaller than the depth 10 of the layer, got 20"),
-        (["chute", "--stride", "5"], "stride must leave two points"),
-        (["chute", "--period", "1e9"], "period must be at most 16384 cells"),
-        (["chute", "--cells", "4"], "cells must be in [8, 8192], got 4"),
-        (["chute", "--t-end", "1e9"], "the free fall from the top of the layer"),
-    ],
-)
-def test_nonsense_is_refused_in_one_sentence(
-    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "flow.h5"
-    assert command.main([*arguments, "--out", str(out)]) == 2
-    text = capsys.readouterr().err
-    assert message in text
-    assert text.count("\n") == 1
-    assert not out.exists()

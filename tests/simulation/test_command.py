@@ -58,44 +58,6 @@ def test_flow_file_is_complete(tmp_path: Path) -> None:
     assert falling == pytest.approx(-1.0, abs=0.05)  # the top falls freely
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--mu-2", "0.2"], "mu_2 must be at least mu_s = 0.4, got 0.2"),
-        (["--law", "coulomb", "--I0", "0.3"], "the law coulomb has the parameters mu_s, got I0"),
-        (
-            ["--law", "sand"],
-            "law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, got 'sand'",
-        ),
-        (["--d", "0"], "d must be in [1e-12, 1e+12], got 0.0"),
-        (["--d", "nan"], "--d must be a number"),
-        (["--cells", "3"], "cells must be in [32, 16384], got 3"),
-        (["--cells", "100"], "cells must be a multiple of 8"),
-        (["--cells", "32"], "at least 4 cells wide"),
-        (["--aspect", "0.1"], "must fit into the box"),
-        (["--gravity", "0,1"], "gravity must be two numbers and point down"),
-        (["--gravity", "1"], "gravity must be two numbers"),
-        (["--cfl", "0.9"], "cfl must be in [0.01, 0.5]"),
-        (["--frames", "1"], "frames must be in [2, 100000]"),
-        (["--stride", "100"], "stride 100 leaves no points"),
-        (["--mu-s", "-1"], "mu_s must not be negative"),
-        (["--threads", "0"], "threads must be in [1, 256]"),
-        (["--paper-cases", "x"], "give either --out"),
-        (["--animation", "x.mp4"], "--animation must end in .gif"),
-        (["--nonsense"], "unrecognized arguments: --nonsense"),
-    ],
-)
-def test_nonsense_is_refused_in_one_sentence(
-    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "flow.h5"
-    assert command.main([*arguments, "--out", str(out)]) == 2
-    text = capsys.readouterr().err
-    assert message in text
-    assert text.count("\n") == 1
-    assert not out.exists()
-
-
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_signal_leaves_the_frames_so_far(name: str, tmp_path: Path) -> None:
     path = tmp_path / "flow.h5"

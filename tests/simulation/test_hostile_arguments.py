@@ -88,6 +88,68 @@ def test_every_option_refuses_or_accepts_before_the_simulation(
     assert list(tmp_path.iterdir()) == []
 
 
+WORDS = {
+    "": {
+        "--mu-2 0.2": "mu_2 must be at least mu_s = 0.4, got 0.2",
+        "--law coulomb --I0 0.3": "the law coulomb has the parameters mu_s, got I0",
+        "--law sand": "law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, go",
+        "--d nan": "--d must be a number",
+        "--cells 100": "cells must be a multiple of 8",
+        "--cells 32": "at least 4 cells wide",
+        "--aspect 0.1": "must fit into the box",
+        "--gravity 0,1": "gravity must be two numbers and point down",
+        "--cfl 0.9": "cfl must be in [0.01, 0.5]",
+        "--frames 1": "frames must be in [2, 100000]",
+        "--stride 100": "stride 100 leaves no points",
+        "--mu-s -1": "mu_s must not be negative",
+        "--paper-cases x": "give either --out",
+        "--animation x.mp4": "--animation must end in .gif",
+        "--nonsense": "unrecognized arguments: --nonsense",
+        "--slope 20": "--slope is a setting of a chute, and this is a collapse",
+    },
+    "drum": {"": "invalid choice: 'drum'"},
+    "chute": {
+        "--aspect 2": "--aspect is a setting of a collapse, and this is a chute",
+        "--slope 80": "slope must be in [0, 60], got 80",
+        "--d 20": "must be smaller than the depth 10 of the layer, got 20",
+        "--stride 5": "stride must leave two points",
+        "--period 1e9": "period must be at most 16384 cells",
+        "--cells 4": "cells must be in [8, 8192], got 4",
+        "--t-end 1e9": "the free fall from the top of the layer",
+    },
+    "silo": {
+        "--outlet 6 --width 5": "outlet must be at most the width 5 of the silo",
+        "--outlet 0.1": "the opening must be at least 4 cells wide, got 1.3",
+        "--cells 60": "cells must be a multiple of 8, got 60",
+        "--width 100": "the filling must be at least 8 cells high, got 6.4",
+        "--width 0.01 --d 1e-3": "must be at most 16376 cells high, got 64000",
+        "--d 2": "d, the grain diameter, must be smaller than the opening, 1.25 wide",
+        "--stride 9": "stride must leave two points across the opening",
+        "--sides sticky": "sides must be one of rough, smooth, got 'sticky'",
+        "--slope 20": "--slope is a setting of a chute, and this is a silo",
+        "--t-end 1e9": "the free fall from the top of the filling",
+    },
+}
+REFUSED = [(f"{scene} {w}", text) for scene, rows in WORDS.items() for w, text in rows.items()]
+
+
+@pytest.mark.parametrize(("words", "message"), REFUSED)
+def test_nonsense_is_refused_in_one_sentence(
+    words: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused(words.split(), message, tmp_path, capsys)
+
+
+def refused(
+    words: list[str], message: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command.main([*words, "--out", str(folder / "flow.h5")]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
+    assert list(folder.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
@@ -114,11 +176,7 @@ def test_every_option_refuses_or_accepts_before_the_simulation(
 def test_what_the_attack_found_is_refused_in_one_sentence(
     values: dict[str, str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert command.main([*flags(**values), "--out", str(tmp_path / "flow.h5")]) == 2
-    err = capsys.readouterr().err
-    assert message in err
-    assert err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
+    refused(flags(**values), message, tmp_path, capsys)
 
 
 def test_the_solver_itself_refuses_what_it_cannot_count() -> None:

@@ -114,32 +114,3 @@ def test_walls_of_a_collapse_are_those_of_the_simulator() -> None:
     assert not isinstance(initial_column(dataclasses.replace(flow, walls=Walls(x, y))), str)
     moving = Walls(x, y, u=np.full(4, 0.1), v=np.zeros(4))
     assert "does not have" in str(initial_column(dataclasses.replace(flow, walls=moving)))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ["--outlet", "6", "--width", "5"],
-            "outlet must be at most the width 5 of the silo",
-        ),
-        (["--outlet", "0.1"], "the opening must be at least 4 cells wide, got 1.3"),
-        (["--cells", "60"], "cells must be a multiple of 8, got 60"),
-        (["--width", "100"], "the filling must be at least 8 cells high, got 6.4"),
-        (["--width", "0.01", "--d", "1e-3"], "must be at most 16376 cells high, got 64000"),
-        (["--d", "2"], "d, the grain diameter, must be smaller than the opening, 1.25 wide"),
-        (["--stride", "9"], "stride must leave two points across the opening"),
-        (["--sides", "sticky"], "sides must be one of rough, smooth, got 'sticky'"),
-        (["--slope", "20"], "--slope is a setting of a chute, and this is a silo"),
-        (["--t-end", "1e9"], "the free fall from the top of the filling"),
-    ],
-)
-def test_nonsense_is_refused_in_one_sentence(
-    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "flow.h5"
-    assert command.main(["silo", *arguments, "--out", str(out)]) == 2
-    text = capsys.readouterr().err
-    assert message in text
-    assert text.count("\n") == 1
-    assert not out.exists()

@@ -17,12 +17,12 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from bench.studies.coverage.materials import LAW
 from bench.studies.coverage.table import GRAINS, PATH, known_of
@@ -31,7 +31,7 @@ from granpinn.config import Config
 from granpinn.inspection.momentum_balance import Baseline, Point
 from granpinn.physics import terms
 from granpinn.results import DataSummary, Input, Parameter, Parameters, Residuals, Result, Timing
-from granpinn.results.assessment import GRADES, contradicted
+from granpinn.results.assessment import contradicted
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import Reason
 from granpinn.uncertainty.determined import applied, determined, with_curve
@@ -40,32 +40,21 @@ from granpinn.uncertainty.error_bars import judge
 ERRORS = {"below 2 %": 2.0, "2 to 10 %": 10.0, "above 10 %": np.inf}  # rms of mu(I), in %
 PLACES = 20  # inertial numbers over which errors are averaged, evenly in log I
 CLEAN = ("coverage", "varied")  # populations of clean collapses at the usual level
-
-
-class Judged(NamedTuple):
-    """An identification with its assessment.
-
-    Attributes:
-        kind: "simulated", "grains", or of a control its law.
-        error: rms of mu(I), in %.
-    """
-
-    population: str
-    kind: str
-    error: float
-    result: Result
-
-
-def judged(cells: dict[str, str]) -> Judged:
-    """The assessment of a line of the table."""
-    n = {k: float(v) for k, v in cells.items() if k not in WORDS and v and " " not in v}
-    kind = "simulated" if cells["law"] == LAW else cells["law"]
-    if cells["population"] == GRAINS and kind == "simulated":
-        kind = GRAINS
-    return Judged(cells["population"], kind, _error(cells, n), result_of(cells, n))
-
-
 WORDS = ("population", "name", "law", "failure", "level", "symmetries", "slips", "carried")
+
+
+def judged(cells: dict[str, str]) -> dict[str, Any]:
+    """The assessment of a line of the table: of a simulated flow, of grains, or of a control."""
+    n = {k: float(v) for k, v in cells.items() if k not in WORDS and v and " " not in v}
+    real = cells["population"] == GRAINS
+    result, error = result_of(cells, n), _error(cells, n)
+    return {
+        "clean": cells["population"] in CLEAN,
+        "kind": cells["law"] if cells["law"] != LAW else GRAINS if real else "simulated",
+        "error": next(name for name, end in ERRORS.items() if error <= end),
+        "grade": result.assessment.grade,
+        "contradicted": None if result.residuals is None else contradicted(result) is not None,
+    }
 
 
 def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
@@ -134,44 +123,26 @@ def _error(cells: dict[str, str], n: dict[str, float]) -> float:
     return float(100 * np.sqrt(np.mean((of_law / of_truth - 1) ** 2)))
 
 
-def table(found: Iterable[Judged], names: Sequence[str], of: Callable[[Judged], str]) -> list[str]:
-    """Counts by grade of the identifications in every group, in the order of `names`."""
-    counts = Counter((of(j), j.result.assessment.grade) for j in found)
-    lines = [f"{'':22s}" + "".join(f"{grade:>12s}" for grade in reversed(GRADES))]
-    for name in names:
-        own = [counts[name, grade] for grade in reversed(GRADES)]
-        if sum(own):
-            lines.append(f"{name:22s}" + "".join(f"{n:12d}" for n in own))
-    return lines
-
-
-def report(found: Sequence[Judged]) -> str:
-    """All tables."""
+def report(found: pd.DataFrame) -> str:
+    """How many have each grade."""
     lines = []
+    known = found.kind.isin(("simulated", GRAINS))
     for kind in ("simulated", GRAINS):
-        own = [j for j in found if j.kind == kind]
-        lines += [f"{kind}, by the rms error of mu(I)"]
-        lines += table(
-            own, list(ERRORS), lambda j: next(b for b, end in ERRORS.items() if j.error <= end)
-        )
-    others = [j for j in found if j.kind not in ("simulated", GRAINS)]
-    lines += ["controls", *table(others, sorted({j.kind for j in others}), lambda j: j.kind)]
-    lawful = [j for j in found if j.kind in ("simulated", GRAINS)]
-    clean = [j for j in lawful if j.population in CLEAN]
-    good = sum(j.result.assessment.grade == "good" for j in clean)
-    lines += [f"good among clean collapses: {good} of {len(clean)}"]
-    for kind in ("simulated", GRAINS):
-        known = [j.result for j in lawful if j.kind == kind and j.result.residuals is not None]
-        false = sum(contradicted(result) is not None for result in known)
-        lines += [f"{kind} that obey mu(I) and are said not to: {false} of {len(known)}"]
-    return "\n".join(lines)
+        own = found[found.kind == kind]
+        lines.append(f"{kind}, by the rms error of mu(I)\n{pd.crosstab(own.error, own.grade)}")
+        said = own.contradicted.dropna()
+        lines.append(f"obey mu(I) and are said not to: {said.sum()} of {len(said)}")
+    clean = found[known & found.clean]
+    lines.append(f"good among clean collapses: {(clean.grade == 'good').sum()} of {len(clean)}")
+    lines.append(f"controls\n{pd.crosstab(found.kind[~known], found.grade[~known])}")
+    return "\n\n".join(lines)
 
 
-def read(path: Path = PATH) -> list[Judged]:
+def read(path: Path = PATH) -> pd.DataFrame:
     """The assessments of all lines that did not fail and hold grains that shear."""
     with path.open(encoding="utf-8", newline="") as file:
         lines = [c for c in csv.DictReader(file) if not c["failure"] and c["I_low"]]
-    return [judged(cells) for cells in lines]
+    return pd.DataFrame(map(judged, lines))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from granpinn.data import Flow
 
@@ -35,44 +36,22 @@ class VelocityField:
         """Volume fraction of grains [n]."""
         return self._sample(self.c, t, x, y)
 
-    def _place(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Positions in cells; beyond the outermost cell centers those count."""
-        column = (x - self.x[0]) / (self.x[1] - self.x[0])
-        row = (y - self.y[0]) / (self.y[1] - self.y[0])
-        return np.clip(column, 0, self.x.size - 1), np.clip(row, 0, self.y.size - 1)
-
     def _sample(self, field: Array, t: float, x: Array, y: Array) -> Array:
+        """Beyond the outermost cell centers those count."""
         k = int(np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, self.t.size - 2))
         share = float(np.clip((t - self.t[k]) / (self.t[k + 1] - self.t[k]), 0, 1))
         frame = (1 - share) * field[k] + share * field[k + 1]
-        return _bilinear(frame, *self._place(x, y))
+        cells = [(v - axis[0]) / (axis[1] - axis[0]) for v, axis in ((y, self.y), (x, self.x))]
+        return np.asarray(ndimage.map_coordinates(frame, cells, order=1, mode="nearest"))
 
 
 def beyond(field: Array, layers: int) -> Array:
     """A field [T, Y, X] whose NaN next to numbers become the mean of those, layer by layer; 0."""
-    out = field.copy()
+    out, around = field.copy(), np.ones((1, 3, 3))
     for _ in range(layers):
-        padded = np.pad(out, ((0, 0), (1, 1), (1, 1)), constant_values=np.nan)
-        known = np.isfinite(padded)
-        values = np.where(known, padded, 0.0)
-        total, count = (_neighbors(a) for a in (values, known.astype(np.float64)))
-        new = np.isnan(out) & (count > 0)
+        known = np.isfinite(out)
+        values = np.where(known, out, 0.0), known.astype(np.float64)
+        total, count = (ndimage.convolve(a, around, mode="constant") for a in values)
+        new = ~known & (count > 0)
         out[new] = total[new] / count[new]
     return np.nan_to_num(out)
-
-
-def _neighbors(padded: Array) -> Array:
-    """Sum over the eight neighbors of [T, Y + 2, X + 2]."""
-    rows = padded[:, :-2] + padded[:, 1:-1] + padded[:, 2:]
-    total = rows[..., :-2] + rows[..., 1:-1] + rows[..., 2:]
-    return np.asarray(total - padded[:, 1:-1, 1:-1])
-
-
-def _bilinear(frame: Array, column: Array, row: Array) -> Array:
-    """Values [n] of a frame [Y, X] at positions in cells, which must lie inside."""
-    i = np.minimum(column.astype(int), frame.shape[1] - 2)
-    j = np.minimum(row.astype(int), frame.shape[0] - 2)
-    a, b = column - i, row - j
-    low = (1 - a) * frame[j, i] + a * frame[j, i + 1]
-    high = (1 - a) * frame[j + 1, i] + a * frame[j + 1, i + 1]
-    return np.asarray((1 - b) * low + b * high)

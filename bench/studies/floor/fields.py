@@ -14,7 +14,7 @@ the floor. Grains of the surface stay there, $h_t + \partial_x \psi(x, h(x, t), 
   $h = h_0 + A \cos k(x - X(t))$ rides on them, $X' = u$.
 
 with $q = q_0 + (q_1 - q_0) \sin^2(\pi t / 2 t_1)$. The pressure is
-$p = p_0 + (h - y)(1 + a \sin(2 x + y - t))$, and the stress that of mu(I) with the
+$p = (h - y)(1 + a \sin(2 x + y - t))$, and the stress that of mu(I) with the
 regularisation of the kernels. The source term is what the momentum equation then lacks: with it,
 these fields are an exact solution of the equations of a training. All is in units of the height, of
 gravity and of the density.
@@ -141,9 +141,9 @@ class Exact:
 
 
 @cache
-def exact(name: str, surface_pressure: float = 0.0) -> Exact:
-    """The fields of one of the `KINDS`, with the pressure p_0 on the surface."""
-    psi, p, h = expressions(name, surface_pressure)
+def exact(name: str) -> Exact:
+    """The fields of one of the `KINDS`."""
+    psi, p, h = expressions(name)
     orders: list[tuple[sp.Symbol, ...]] = [(), (X,), (Y,), (T,), (X, X), (X, Y), (Y, Y)]
     of_u, of_v = [tuple(sorted((*o, Y), key=str)) for o in orders], [(X, *o) for o in orders]
     every = list(dict.fromkeys([*of_u, *of_v]))
@@ -168,10 +168,10 @@ def exact(name: str, surface_pressure: float = 0.0) -> Exact:
     return Exact(velocity, _function((X, T), h), _function((X, Y, T), p), jets)
 
 
-def expressions(name: str, surface_pressure: float = 0.0) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+def expressions(name: str) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     """Stream function, pressure and height of the surface as expressions of x, y, t."""
     psi, h = KINDS[name]()
-    return psi, surface_pressure + (h - Y) * (1 + WAVE * sp.sin(2 * X + Y - T)), h
+    return psi, (h - Y) * (1 + WAVE * sp.sin(2 * X + Y - T)), h
 
 
 def _function(symbols: tuple[sp.Symbol, ...], expression: Any) -> Callable[..., Any]:

@@ -3,14 +3,10 @@
 python -m bench.studies.floor.run --json floor.json --device cuda
 
 Manufactured flows with a source term (fields.py) and the start-up of Bagnold flow (start_up.py) are
-sampled on grids (sampling.py) and identified as one batch. One quantity of the sampling changes at
-a time. The rows have the errors of mu_s, mu_2 and mu(I). `--cases smooth` takes the cases with this
-text in their names, `--seeds 3` repeats each, and `--noises 0.005 0.02` adds white noise to the
-velocity of each, relative to its largest speed. All other words are settings of the identification
-(`--steps 80000`, `--level V2`): every setting is a batch, and so a call, of its own.
-
-The exact flows have the law at every point. The last-layer step has a mean strain rate where the
-law is ill-posed (granpinn/training/equations.py); `--local-law` leaves the mean out.
+sampled on grids (sampling.py) and identified as one batch. The rows have the errors of mu_s, mu_2
+and mu(I). `--cases smooth` takes the cases with this text in their names, `--seeds 3` repeats each,
+and `--noises 0.005 0.02` adds white noise to the velocity of each, relative to its largest speed.
+All other words are settings of the identification (`--steps 80000`, `--level V2`).
 
 Defends: mu_s and mu_2 to 0.02 % at the best spacing, 0.1 % for the start-up of Bagnold flow, and
 errors in proportion to noise below 2 %.
@@ -19,14 +15,11 @@ errors in proportion to noise below 2 %.
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Any
-from unittest.mock import patch
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,52 +31,33 @@ from granpinn import identify_many
 from granpinn.data import Flow, add_noise
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Result
-from granpinn.training import equations
 from granpinn.training.progress import Lines
 
 START_UP = "start-up"
 INERTIAL = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)  # I at which mu is compared
-SPACINGS, FRAMES, LINES = (16, 32, 64, 128), (10, 20, 80), (0.125, 0.5, 4.0)
+SPACINGS, FRAMES = (16, 32, 64, 128), (10, 20, 80)
 
 
-@dataclass(frozen=True)
-class Case:
-    """A flow and its sampling; of the start-up only cells and frames count."""
+class Case(NamedTuple):
+    """A flow and its sampling."""
 
     flow: str
-    sampling: Sampling = field(default_factory=Sampling)
+    sampling: Sampling
 
     @property
     def name(self) -> str:
-        """The flow and all of its sampling."""
-        s = self.sampling
-        kind = "" if s.vectors == "point" and s.partial else f" {s.vectors}"
-        kind += "" if s.partial else " masked"
-        line = "" if s.line == 1 else f" line {s.line:g}"
-        return f"{self.flow} {s.cells} cells {s.frames} frames{kind}{line}"
+        return f"{self.flow} {self.sampling.cells} cells {self.sampling.frames} frames"
 
     def made(self) -> Flow:
         """The flow."""
         if self.flow == START_UP:
-            return start_up.sample(self.sampling.cells, self.sampling.frames)
+            return start_up.sample(*self.sampling)
         return sample(self.flow, self.sampling)
 
 
-def cases(surface_pressure: float = 0.0) -> list[Case]:
-    """The cases of the note, each once."""
-    usual = Sampling(surface_pressure=surface_pressure)
-    found = [Case(kind, replace(usual, cells=n)) for kind in KINDS for n in SPACINGS]
-    found += [Case("smooth", replace(usual, frames=n)) for n in FRAMES]
-    found += [Case("smooth", replace(usual, line=n)) for n in LINES]
-    for cells in (32, 64):
-        for partial in (True, False):
-            of = replace(usual, cells=cells, partial=partial)
-            found += [Case("smooth", replace(of, vectors=v)) for v in ("cell", "window")]
-    found += [Case("smooth", replace(usual, partial=False))]
-    for kind in ("layer", "plug"):
-        found += [Case(kind, replace(usual, vectors=v)) for v in ("cell", "window")]
-    found += [Case(START_UP, Sampling(cells=n)) for n in SPACINGS[:3]]
-    return found
+CASES = [Case(kind, Sampling(cells=n)) for kind in KINDS for n in SPACINGS]
+CASES += [Case("smooth", Sampling(frames=n)) for n in FRAMES]
+CASES += [Case(START_UP, Sampling(cells=n)) for n in SPACINGS[:3]]
 
 
 def row(case: Case, noise: float, seed: int, result: Result) -> dict[str, Any]:
@@ -95,7 +69,7 @@ def row(case: Case, noise: float, seed: int, result: Result) -> dict[str, Any]:
     return {
         "name": case.name,
         "flow": case.flow,
-        "sampling": asdict(case.sampling),
+        "sampling": case.sampling._asdict(),
         "noise": noise,
         "seed": seed,
         "n_points": result.data.n_points,
@@ -116,16 +90,14 @@ def main() -> int:
     parser.add_argument("--cases", default="", help="text in the names of the cases")
     parser.add_argument("--seeds", type=int, default=1, help="networks for each case")
     parser.add_argument("--noises", type=float, nargs="+", default=[0.0], help="of the velocity")
-    parser.add_argument("--surface-pressure", type=float, default=0.0, help="p on the surface")
-    parser.add_argument("--local-law", action="store_true", help="no mean strain rate")
     parser.add_argument("--json", type=Path, help="file for the results")
     options, words, config = raw.parse(parser)
-    chosen = [case for case in cases(options.surface_pressure) if options.cases in case.name]
+    chosen = [case for case in CASES if options.cases in case.name]
     if not chosen:
-        names = "\n".join(case.name for case in cases())
+        names = "\n".join(case.name for case in CASES)
         parser.error(f"--cases must be a text in one of these names:\n{names}")
     for kind in {case.flow for case in chosen} & set(KINDS):
-        exact(kind, options.surface_pressure)  # made once, before the threads
+        exact(kind)  # made once, before the threads
     with ThreadPoolExecutor() as pool:
         flows = list(pool.map(Case.made, chosen))
     seeds = [config.seed + k for k in range(options.seeds)]
@@ -135,15 +107,11 @@ def main() -> int:
         for noise, seed in product(options.noises, seeds)
     ]
     every, noises, own, data = zip(*runs, strict=True)
-    certain = math.inf if options.local_law else equations.CERTAIN  # C / inf: nowhere ill-posed
-    with patch.object(equations, "CERTAIN", certain):
-        results = identify_many(data, config, own, progress=Lines())
+    results = identify_many(data, config, own, progress=Lines())
     rows = [row(*found) for found in zip(every, noises, own, results, strict=True)]
     head = {
         "truth": dict(zip(("mu_s", "mu_2", "I0"), THETA, strict=True)),
         "settings": words,
-        "surface_pressure": options.surface_pressure,
-        "local_law": options.local_law,
         "I": INERTIAL,
     }
     raw.write(options.json, head | {"rows": rows})

@@ -1,11 +1,11 @@
-"""Makes a scene of grains: LAMMPS, coarse-graining, flow file, its own law, baseline.
+"""Makes the scenes of grains: LAMMPS, coarse-graining, flow file, its own law, baseline.
 
-    python -m bench.studies.grains.make drum --material 0.4 --out scenes/drum-0.4
+    python -m bench.studies.grains.make --lmp lammps/bin/lmp --out scenes --only drum-0.4
 
-OUT/flow.h5 is the flow file, OUT/scene.json what the scene says of itself: its own law, the ratio
-of its dissipation to that of the shear cell's law, its noise, and the law that the plain momentum
-balance finds. `--keep` keeps the files of LAMMPS; with `--dump` an earlier dump is coarse-grained
-again.
+OUT gets a folder SCENE-FRICTION for every scene, on each core one. A folder that has a scene.json
+is left as it is, so an interrupted command can be given again. flow.h5 is the flow file, scene.json
+what the scene says of itself: its own law, the ratio of its dissipation to that of the shear cell's
+law, its noise, and the law that the plain momentum balance finds.
 
 Defends: a scene is made in at most 15 minutes on one core.
 """
@@ -14,21 +14,23 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import shutil
 import sys
+import tempfile
 from functools import partial
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.studies import raw
+from bench.studies.cores import on_all_cores
 from bench.studies.experiment.commands import ExperimentError
 from bench.studies.grains.coarse import Fields, coarse_grain
 from bench.studies.grains.flow_file import cropped, flow_of
 from bench.studies.grains.lammps import Lammps
 from bench.studies.grains.law import SLOWEST, errors_percent, mu_of_i
-from bench.studies.grains.materials import I0, Material, truth_of
+from bench.studies.grains.materials import FRICTIONS, I0, Material, truth_of
 from bench.studies.grains.own_law import own_law, reference
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.scenes.scene import Scene
@@ -40,15 +42,34 @@ from granpinn.data import Flow, write_flow
 from granpinn.inspection.momentum_balance import baseline
 
 FLOW, SUMMARY = "flow.h5", "scene.json"
+SEED = 0
+OF_ALL = ("collapse_2", "collapse_6", "chute_fast", "chute_fast_steady", "heap", "drum", "silo")
+PACK = [(name, friction) for name in (*OF_ALL, "plane_shear") for friction in FRICTIONS]
+PACK += [("chute_slow", 0.4), ("channel_wall", 0.4)]
+SAME_GRAINS = {"channel_wall": "channel_mean", "drum": "drum_filmed"}  # two views of one run
 
 
-def make(name: str, material: Material, seed: int, dump: Path, out: Path) -> dict[str, Any]:
-    """The files of a scene from its dump; the content of scene.json."""
+def made(name: str, friction: float, out: Path, lmp: str | None) -> None:
+    """The files of a scene, and of the other view of its grains."""
+    material = Material(friction)
+    with tempfile.TemporaryDirectory() as work:
+        scene = SCENES[name](material)
+        dump = simulate(scene, material, SEED, Lammps(lmp), Path(work))
+        for view in filter(None, (name, SAME_GRAINS.get(name))):
+            folder = out / f"{view}-{material.name}"
+            folder.mkdir(parents=True, exist_ok=True)
+            summary = make(view, material, dump, folder)
+            raw.write(folder / SUMMARY, summary)
+            print(line(summary), flush=True)
+
+
+def make(name: str, material: Material, dump: Path, out: Path) -> dict[str, Any]:
+    """The flow file of a scene from its dump; the content of scene.json."""
     scene = SCENES[name](material)
     truth = truth_of(material, shape=scene.shape)
     fields, seen = fields_of(scene, dump)
     height, c = filled(scene, seen)
-    origin: dict[str, float | str] = {"scene": name, "seed": seed}
+    origin: dict[str, float | str] = {"scene": name, "seed": SEED}
     flow = flow_of(scene, material, seen, c, height, truth, origin)
     write_flow(flow, out / FLOW)
     c = filled(scene, fields)[1]
@@ -59,7 +80,7 @@ def make(name: str, material: Material, seed: int, dump: Path, out: Path) -> dic
         "scene": name,
         "title": scene.title,
         "material": material.friction,
-        "seed": seed,
+        "seed": SEED,
         "frames": len(flow.t),
         "cells": [len(flow.y), len(flow.x)],
         "vectors": int(flow.valid.sum()),
@@ -132,27 +153,21 @@ def line(summary: dict[str, Any]) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("scene", choices=sorted(SCENES))
-    parser.add_argument("--material", type=float, default=0.4, help="friction between the grains")
-    parser.add_argument("--out", type=Path, required=True, help="folder for the files")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, required=True, help="folder of the scenes")
     parser.add_argument("--lmp", help="the program LAMMPS")
-    parser.add_argument("--keep", action="store_true", help="keep the files of LAMMPS")
-    parser.add_argument("--dump", type=Path, help="coarse-grain this dump, without LAMMPS")
+    parser.add_argument("--only", nargs="+", help="SCENE-FRICTION")
     own = parser.parse_args()
-    material, work = Material(own.material), own.out / "lammps"
-    own.out.mkdir(parents=True, exist_ok=True)
+    scenes = {f"{name}-{friction:g}": (name, friction) for name, friction in PACK}
+    asked = own.only or scenes
+    if unknown := set(asked) - set(scenes):
+        parser.error(f"--only must be of {', '.join(scenes)}; got {', '.join(unknown)}")
+    missing = [scenes[name] for name in asked if not (own.out / name / SUMMARY).exists()]
     try:
-        scene = SCENES[own.scene](material)
-        dump = own.dump or simulate(scene, material, own.seed, Lammps(own.lmp), work)
-        summary = make(own.scene, material, own.seed, dump, own.out)
+        names, frictions = zip(*missing, strict=True) if missing else ((), ())
+        on_all_cores(made, names, frictions, repeat(own.out), repeat(own.lmp))
     except ExperimentError as error:
         print(f"bench.studies.grains.make: {error}", file=sys.stderr)
         return 1
-    raw.write(own.out / SUMMARY, summary)
-    if not own.keep and own.dump is None:
-        shutil.rmtree(work)
-    print(line(summary))
     return 0
 
 

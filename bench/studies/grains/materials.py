@@ -19,9 +19,7 @@ DAMPING = 138.0
 TIME_STEP = 5e-4
 MEAN_AREA = math.pi / 4 * (1 + SPREAD**2 / 3)  # of a disk, d^2
 GRAIN_DENSITY = 4 / math.pi  # mass of a disk over its area
-BULK_FRACTION = (
-    0.80  # solid fraction of a dense flow of disks, for the inertial number and momentum
-)
+BULK_FRACTION = 0.80  # of a dense flow of disks, for the inertial number and momentum
 BULK_DENSITY = BULK_FRACTION * GRAIN_DENSITY
 I0 = 0.3  # of the law that is fitted to the shear cells
 
@@ -34,27 +32,26 @@ class Shape:
         dimension: 2 or 3.
         density: mass of a grain over its area or volume.
         fraction: solid fraction of a dense flow, for the inertial number and momentum.
-        mean_solid: mean area or volume of a grain.
     """
 
     dimension: int
     density: float
     fraction: float
-    mean_solid: float
 
     @property
     def bulk_density(self) -> float:
         """Density of a dense flow."""
         return self.fraction * self.density
 
-    def set_density(self, group: str) -> str:
-        """Gives the grains of a group their masses."""
+    @property
+    def set_density(self) -> str:
+        """Gives the grains their masses."""
         keyword = "density/disc" if self.dimension == 2 else "density"
-        return f"set {group} {keyword} {self.density:.10f}"
+        return f"set atom * {keyword} {self.density:.10f}"
 
 
-DISKS = Shape(2, GRAIN_DENSITY, BULK_FRACTION, MEAN_AREA)
-SPHERES = Shape(3, 6 / math.pi, 0.60, math.pi / 6 * (1 + SPREAD**2))
+DISKS = Shape(2, GRAIN_DENSITY, BULK_FRACTION)
+SPHERES = Shape(3, 6 / math.pi, 0.60)
 
 
 @dataclass(frozen=True)
@@ -94,38 +91,21 @@ def truth_of(material: Material, shape: Shape = DISKS) -> dict[str, float] | Non
 
 def head(shape: Shape, boundary: str) -> str:
     """The first lines of every input: units, dimension, what a grain is."""
-    return "\n".join(
-        (
-            "units lj",
-            f"dimension {shape.dimension}",
-            "atom_style sphere",
-            "atom_modify map array",
-            f"boundary {boundary}",
-            "comm_modify vel yes",
-            "newton off",
-        )
-    )
+    return f"""units lj
+dimension {shape.dimension}
+atom_style sphere
+atom_modify map array
+boundary {boundary}
+comm_modify vel yes
+newton off"""
 
 
-def diameters(shape: Shape, seed: int) -> str:
-    """Draws the diameters of all grains and gives them their masses."""
-    low = 1 - SPREAD
-    return (
-        f"variable drawn atom {low:g}+{2 * SPREAD:g}*random(0,1,{seed})\n"
-        "set group all diameter v_drawn\n" + shape.set_density("group all")
-    )
-
-
-def motion(shape: Shape, material: Material, group: str = "all") -> str:
-    """Contacts, neighbours and the integration of a group of grains."""
+def motion(shape: Shape, material: Material) -> str:
+    """Contacts, neighbours and the integration of the free grains."""
     flat = shape.dimension == 2
-    return "\n".join(
-        (
-            material.pair_style(),
-            "neighbor 0.15 bin",
-            "neigh_modify delay 0 every 1 check yes",
-            f"timestep {TIME_STEP:g}",
-            *(("fix plane all enforce2d",) if flat else ()),
-            f"fix move {group} nve/sphere{' disc' if flat else ''}",
-        )
-    )
+    return f"""{material.pair_style()}
+neighbor 0.15 bin
+neigh_modify delay 0 every 1 check yes
+timestep {TIME_STEP:g}
+{"fix plane all enforce2d" if flat else ""}
+fix move free nve/sphere{" disc" if flat else ""}"""

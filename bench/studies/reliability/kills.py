@@ -19,7 +19,6 @@ import time
 from pathlib import Path
 from random import Random
 from subprocess import Popen
-from typing import NamedTuple
 
 from bench.studies.reliability import runs
 from bench.studies.reliability.record import RESULTS, Record, recorded
@@ -35,26 +34,12 @@ FLAGS += ["--log-every", "20", "--checkpoint-every", str(INTERVAL)]
 FLAGS += ["--simulated_pressure.frames", "4"]
 
 
-class Mode(NamedTuple):
-    """A kind of run: flags, number of processes."""
-
-    flags: tuple[str, ...]
-    processes: int = 1
-
-
+# Flags and number of processes of every kind of run.
 MODES = {
-    "single": Mode(("--steps", "4000")),
-    "members": Mode(("--steps", "1500", "--members", "3")),
-    "torchrun": Mode(("--steps", "2500"), processes=2),
+    "single": (("--steps", "4000"), 1),
+    "members": (("--steps", "1500", "--members", "3"), 1),
+    "torchrun": (("--steps", "2500"), 2),
 }
-
-
-class Undisturbed(NamedTuple):
-    """A run without kills: its folder, seconds to its first checkpoint, and seconds after that."""
-
-    folder: Path
-    before: float
-    after: float
 
 
 def main() -> int:
@@ -62,41 +47,44 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--modes", nargs="+", choices=MODES, default=list(MODES))
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
-    parser.add_argument("--out", type=Path, help="default: results/kills-DEVICE.json")
     options = parser.parse_args()
-    out = options.out or RESULTS / f"kills-{options.device}.json"
+    out = RESULTS / f"kills-{options.device}.json"
     module = "bench.studies.reliability.kills"
     with recorded("T-2", module, out) as record, tempfile.TemporaryDirectory() as folder:
         flow = runs.make_flow(Path(folder) / "flow.h5")
-        for k, name in enumerate(options.modes):
-            count = len(range(k, options.kills, len(options.modes)))
+        for k, name in enumerate(MODES):
+            count = len(range(k, options.kills, len(MODES)))
             kill(name, count, options.seed, options.device, flow, record)
     return int(bool(record.failures))
 
 
 def kill(name: str, count: int, seed: int, device: str, flow: Path, record: Record) -> None:
     """`count` kills of runs of one mode."""
-    mode, place = MODES[name], flow.parent / name
-    flags = [*mode.flags, *FLAGS, "--device", device]
-    whole = undisturbed(flow, place / "whole", flags, mode.processes)
+    (words, processes), place = MODES[name], flow.parent / name
+    flags, whole = [*words, *FLAGS, "--device", device], place / "whole"
+    before, after = undisturbed(runs.command(flow, whole, flags, processes), whole)
     draw = Random(f"{seed} {name}")
     kills, chains = 0, 0
     while kills < count or chains == 0:
-        out = place / str(chains)
-        argv, newest = runs.command(flow, out, flags, mode.processes), 0
+        out, newest = place / str(chains), 0
+        argv = runs.command(flow, out, flags, processes)
         while True:
-            asked = kills < count
-            ended, moment = one(argv, out, whole, draw, mode.processes) if asked else last(argv)
-            if ended:
+            process = runs.start(argv)
+            early = draw.random() < EARLY
+            first, last = (0.0, before) if early else (0.8 * before, 0.8 * before + 0.6 * after)
+            moment = round(draw.uniform(first, last), 3)
+            if runs.wait_until(process, 600 if kills == count else moment):
+                _, err = process.communicate()
+                ended = f"exit {process.returncode}: {err[-300:]}"
                 break
+            end(process, processes > 1 and draw.random() < 0.5, draw)
             kills += 1
             reason, newest = survived(out, newest)
             outcome = "checkpoint whole" if newest else "no checkpoint yet"
             failure = {"mode": name, "seed": seed, "chain": chains, "kill": kills, "moment": moment}
             record.add(reason or outcome, failure | {"reason": reason} if reason else None)
-        differs = ended if ended != "0" else runs.difference(whole.folder, out)
+        differs = runs.difference(whole, out) if ended.startswith("exit 0") else ended
         chains += 1
         if differs:
             failure = {"mode": name, "seed": seed, "chain": chains, "reason": differs}
@@ -107,51 +95,26 @@ def kill(name: str, count: int, seed: int, device: str, flow: Path, record: Reco
     record.details[name] = {"kills": kills, "chains with the same bits": chains}
 
 
-def undisturbed(flow: Path, out: Path, flags: list[str], processes: int) -> Undisturbed:
-    """A run without kills."""
+def undisturbed(argv: list[str], out: Path) -> tuple[float, float]:
+    """Seconds of a run without kills to its first checkpoint, and after that."""
     begin = time.monotonic()
-    process = runs.start(runs.command(flow, out, flags, processes))
+    process = runs.start(argv)
     while process.poll() is None and not list(out.glob("checkpoint/step-*.json")):
         time.sleep(0.02)
-    before = runs.seconds_since(begin)
+    first = time.monotonic()
     _, err = process.communicate()
     if process.returncode:
         raise SystemExit(f"the run without kills failed: {err.splitlines()[-1:]}")
-    return Undisturbed(out, before, runs.seconds_since(begin) - before)
+    return first - begin, time.monotonic() - first
 
 
-def one(
-    argv: list[str], out: Path, whole: Undisturbed, draw: Random, processes: int
-) -> tuple[str, float]:
-    """One process that is killed, unless it ends before: how it ended ("" if killed), when."""
-    early = draw.random() < EARLY
-    moment = draw.uniform(0, whole.before if early else 0.6 * whole.after)
-    alone = processes > 1 and draw.random() < 0.5
-    process = runs.start(argv)
-    if not early and not runs.wait_until(process, 0.8 * whole.before):
-        pass  # most of the libraries are loaded
-    if runs.wait_until(process, moment):
-        return conclude(process), moment
-    workers = runs.children(process.pid) if processes > 1 else []
-    if alone and workers:  # torchrun ends the other worker
+def end(process: Popen[str], worker: bool, draw: Random) -> None:
+    """Kill a run, or one of its workers, whereupon torchrun ends the other."""
+    if worker and (workers := runs.children(process.pid)):
         os.kill(draw.choice(workers), signal.SIGKILL)
         runs.wait_until(process, 60)
     runs.end(process)
     process.communicate()
-    return "", round(moment, 3)
-
-
-def last(argv: list[str]) -> tuple[str, float]:
-    """A process that ends by itself."""
-    process = runs.start(argv)
-    process.wait(600)
-    return conclude(process), 0.0
-
-
-def conclude(process: Popen[str]) -> str:
-    """The text 0 for a run that ended well; else its exit code and its last words."""
-    _, err = process.communicate()
-    return "0" if process.returncode == 0 else f"exit {process.returncode}: {err[-300:]}"
 
 
 def survived(out: Path, before: int) -> tuple[str, int]:

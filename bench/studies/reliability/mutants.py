@@ -1,7 +1,7 @@
 """Runs commands on damaged files: gates F-1, F-2 and F-4.
 
     python -m bench.studies.reliability.mutants --format flow --command train --seeds 0:99 --jobs 2
-    python -m bench.studies.reliability.mutants --format flow --command train --only 17 --keep out
+    python -m bench.studies.reliability.mutants --format flow --seeds 17:18 --keep out
 
 A mutant is a function of its format and its seed. campaign.py says where the rows are.
 """
@@ -17,7 +17,7 @@ import sys
 import tempfile
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -26,13 +26,11 @@ from typing import Any
 from bench.studies.reliability import campaign, commands, damage, hdf5_edits, sandbox
 from bench.studies.reliability.campaign import Worker
 from bench.studies.reliability.judge import ALLOWED, BAIT, READER, described, fingerprint, judged
-from bench.studies.reliability.record import Record
+from bench.studies.reliability.record import Record, command_of
 from bench.studies.reliability.samples import FORMATS, Files, Format, write_all
 
 MODULE = "bench.studies.reliability.mutants"
 SOURCE = Path(__file__).with_name("opens.c")
-
-
 BLOCK = 25  # mutants of one target before the next target has its turn
 DRAWN = 40  # one mutant of so many has its figures drawn, which takes most of the time
 
@@ -59,11 +57,13 @@ class Target:
             return commands.MAINS[self.command.split("-")[0]](self.format.commands[self.command])
 
 
-def work(pairs: list[tuple[str, str]], seeds: Sequence[int], options: argparse.Namespace) -> None:
-    """Run the mutants of these seeds; all targets take turns, so that a time limit is fair."""
-    worker = Worker(options)
+def work(worker: Worker, options: argparse.Namespace) -> None:
+    """Run the mutants of a worker; all targets take turns, so that a time limit is fair."""
     commands.import_late_modules()
-    targets = list(_targets(pairs, worker))
+    pairs = [(name, command) for name in options.format for command in FORMATS[name].commands]
+    asked = options.command
+    targets = list(_targets([p for p in pairs if not asked or p[1] in asked], worker))
+    seeds = range(*options.seeds)[worker.share]
     for start in range(0, len(seeds), BLOCK):
         for target, seed in itertools.product(targets, seeds[start : start + BLOCK]):
             if worker.late:
@@ -109,7 +109,8 @@ def _row(target: Target, seed: int, keep: Path | None) -> dict[str, Any]:
     }
     if row["failed"]:
         row["class"] = fingerprint(found)
-        row["repeat"] = f"--format {target.name} --command {target.command} --only {seed}"
+        words = f"--format {target.name} --command {target.command}"
+        row["repeat"] = f"{words} --seeds {seed}:{seed + 1}"
     else:
         del row["message"]
     return row
@@ -190,42 +191,19 @@ def _bait() -> bytes:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the mutants, write the record; exit code 1 if one of them ended as it must not."""
-    options = parse(sys.argv[1:] if argv is None else argv)
-    if options.worker is not None:
-        first, step = options.worker
-        work(chosen(options), range(*options.seeds)[first::step], options)
-        return 0
-    words = ["--format", *options.format, "--seeds", "{}:{}".format(*options.seeds)]
-    words += ["--command", *options.command] if options.command else []
-    words += ["--keep", str(options.keep.resolve())] if options.keep else []
-    return campaign.run(MODULE, gathered, SOURCE, words, argv, options)
-
-
-def parse(argv: list[str]) -> argparse.Namespace:
-    """The options of a command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--format", nargs="*", default=list(FORMATS), choices=list(FORMATS))
     parser.add_argument("--command", nargs="*", help="such as train; default all of the format")
     parser.add_argument("--seeds", type=_range, default=(0, 100), metavar="FIRST:LAST")
-    parser.add_argument("--only", type=_seed, dest="seeds", metavar="SEED", help="one mutant")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="keep their files")
     campaign.add_options(parser)
-    return parser.parse_args(argv)
+    options = parser.parse_args(argv)
+    return campaign.run(work, gathered, SOURCE, options, command_of(MODULE, argv))
 
 
 def _range(text: str) -> tuple[int, int]:
     first, _, last = text.partition(":")
     return int(first), int(last)
-
-
-def _seed(text: str) -> tuple[int, int]:
-    return int(text), int(text) + 1
-
-
-def chosen(options: argparse.Namespace) -> list[tuple[str, str]]:
-    """Formats and commands that are asked for."""
-    pairs = [(name, command) for name in options.format for command in FORMATS[name].commands]
-    return [pair for pair in pairs if not options.command or pair[1] in options.command]
 
 
 if __name__ == "__main__":

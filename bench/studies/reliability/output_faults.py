@@ -27,7 +27,7 @@ from typing import Any
 from bench.studies.reliability import campaign, commands, sandbox
 from bench.studies.reliability.campaign import Worker
 from bench.studies.reliability.outputs import CASES, Case, damaged
-from bench.studies.reliability.record import Record
+from bench.studies.reliability.record import Record, command_of
 from bench.studies.reliability.samples import Files, read_all, write_all
 
 MODULE = "bench.studies.reliability.output_faults"
@@ -71,16 +71,14 @@ class Target:
     faults: list[Fault]
 
 
-def work(options: argparse.Namespace) -> None:
+def work(worker: Worker, options: argparse.Namespace) -> None:
     """Try the faults of one worker; all cases take turns, so that a time limit is fair."""
-    worker = Worker(options)
     commands.import_late_modules()
-    first, step = options.worker
     shares = []
     for name in options.case:
         target = _target(name)
         worker.row({"case": name, "faults": len(target.faults)})
-        shares.append([(target, fault) for fault in target.faults[:: options.every][first::step]])
+        shares.append([(target, fault) for fault in target.faults[:: options.every][worker.share]])
     turns = itertools.chain.from_iterable(itertools.zip_longest(*shares))
     for target, fault in filter(None, turns):
         if worker.late:
@@ -213,21 +211,12 @@ def gathered(rows: Iterable[dict[str, Any]]) -> Record:
 
 def main(argv: list[str] | None = None) -> int:
     """Run all faults and write the record; exit code 1 if one ended as it must not."""
-    options = parse(sys.argv[1:] if argv is None else argv)
-    if options.worker is not None:
-        work(options)
-        return 0
-    words = ["--every", str(options.every), "--case", *options.case]
-    return campaign.run(MODULE, gathered, SOURCE, words, argv, options, needed=True)
-
-
-def parse(argv: list[str]) -> argparse.Namespace:
-    """The options of a command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--case", nargs="*", default=list(CASES), choices=list(CASES))
     parser.add_argument("--every", type=int, default=1, help="only every so many faults")
     campaign.add_options(parser)
-    return parser.parse_args(argv)
+    options = parser.parse_args(argv)
+    return campaign.run(work, gathered, SOURCE, options, command_of(MODULE, argv), needed=True)
 
 
 if __name__ == "__main__":

@@ -143,7 +143,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as parent:
         tree = Path(parent).resolve() / "tree"
         build = [f"-DGRANPINN_CUDA={'on' if own.cuda else 'off'}"]
-        copied_tree.copy_tree(tree, compiled=False)
+        copied_tree.copy_tree(tree)
         if error := copied_tree.build(tree, tree.with_name("cmake"), build):
             print(f"planted_mistakes: the build failed:\n{error}", file=sys.stderr)
             return 2

@@ -47,10 +47,12 @@ class Record:
     failures: list[dict[str, Any]] = field(default_factory=list)
     details: dict[str, Any] = field(default_factory=dict)
 
-    def add(self, outcome: str, failure: Mapping[str, Any] | None = None) -> None:
-        """Count one input; `failure` says how to repeat it, if it ended as it must not."""
-        self.tried += 1
-        self.outcomes[outcome] += 1
+    def add(
+        self, outcome: str, failure: Mapping[str, Any] | None = None, *, count: int = 1
+    ) -> None:
+        """Count inputs; `failure` says how to repeat one that ended as it must not."""
+        self.tried += count
+        self.outcomes[outcome] += count
         if failure is not None:
             self.failures.append(dict(failure))
 
@@ -61,7 +63,7 @@ class Record:
         whole = {
             "gate": self.gate,
             "date": time.strftime("%Y-%m-%d"),
-            "versions": versions | _installed(),
+            "versions": versions | {name: _version(name) for name in LIBRARIES},
             "device": f"{machine['processor']}, {machine['cores']} cores",
             "command": self.command,
             "seconds": round(self.seconds, 1),
@@ -103,11 +105,8 @@ def command_of(module: str, argv: Sequence[str] | None = None) -> str:
     return shlex.join(["python", "-m", module, *(sys.argv[1:] if argv is None else argv)])
 
 
-def _installed() -> dict[str, str]:
-    found = {}
-    for name in LIBRARIES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"

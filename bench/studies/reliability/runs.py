@@ -13,7 +13,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -107,10 +106,6 @@ def difference(one: Path, other: Path) -> str | None:
         if tensor.numpy().tobytes() != states[1].tensors[key].numpy().tobytes():
             return f"checkpoint: {key}"
     return None
-
-
-def seconds_since(begin: float) -> float:
-    return round(time.monotonic() - begin, 3)
 
 
 def _results(folder: Path) -> dict[str, Any]:

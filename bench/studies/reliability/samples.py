@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import io
 import os
 import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from bench.studies.reliability import writers
-from bench.studies.reliability.writers import NO_PRESSURE, TRAINING
+from bench.studies.reliability.writers import NO_PRESSURE, TRAINING, Writer, frames
+from tests.importers.test_other_piv import davis, insight, openpiv
+from tests.importers.test_pivlab_text import export
+from tests.importers.test_simulation_files import basilisk
 
 CAMERA = ("--scale", "0.5 mm/px", "--frame-rate", "500 Hz")
 MATERIAL = ("--grain-diameter", "2 mm", "--grain-density", "2500 kg/m^3", "--solid-fraction", "0.6")
@@ -23,7 +25,6 @@ PIXELS = ("--length-unit", "px", "--velocity-unit", "px/frame")
 PRESSURE = ("--simulated_pressure.frames", "1", "--simulated_pressure.cells", "32")
 
 Files = dict[str, bytes]  # path in the folder of a run -> content
-Writer = Callable[[Path], object]  # writes valid files to a folder
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,8 @@ class Format:
     only: tuple[str, ...] = ()
 
     def missing(self) -> list[str]:
-        """The modules that cannot be imported."""
-        return [name for name in self.needs if not _importable(name)]
+        """The modules that are not installed."""
+        return [name for name in self.needs if find_spec(name) is None]
 
     def files(self) -> Files:
         """The valid files."""
@@ -60,14 +61,6 @@ class Format:
             finally:
                 os.chdir(before)
             return read_all(Path(folder))
-
-
-def _importable(name: str) -> bool:
-    try:
-        importlib.import_module(name)
-    except ImportError:
-        return False
-    return True
 
 
 def read_all(folder: Path) -> Files:
@@ -96,11 +89,6 @@ def by_convert(write: Writer, words: str, *settings: str, **others: Any) -> Form
     return Format(write, {"convert": command}, **others)
 
 
-def _frames(name: str, module: str, function: str) -> Writer:
-    """Three frames, one file each, by a writer of tests/importers."""
-    return writers.frames(name, writers.by_name(module, function))
-
-
 _TEXTS = "a0.txt a1.txt a2.txt"
 _OPTIONS = {
     "inspect": ("flow.h5", "--json"),
@@ -110,22 +98,21 @@ _OPTIONS = {
 _REPORTS = {"report": ("run",), "report-paraview": ("run", "--paraview")}
 _OF_RUN = ("run/results.json", "run/fields.h5", "run/history.csv")
 _ZARR, _HDF = ("xarray", "zarr"), ("pandas", "tables")
-_PIVLAB = _frames("a{}.txt", "test_pivlab_text", "export")
-_OPENPIV = _frames("a{}.txt", "test_other_piv", "openpiv")
-_INSIGHT = _frames("a{}.vec", "test_other_piv", "insight")
-_DAVIS = _frames("a{}.txt", "test_other_piv", "davis")
-_BASILISK = _frames("a-{}.txt", "test_simulation_files", "basilisk")
-_BASILISK_FILES = "a-0.txt a-1.txt a-2.txt"
+_BASILISK = "a-0.txt a-1.txt a-2.txt"
 _TIMES = ("--times", "times.txt", "--scale", "0.5 mm/px", "--pulse-delay", "2 ms", *MATERIAL)
 FORMATS: dict[str, Format] = {
     "flow": Format(writers.flow, _OPTIONS),
     "particles": Format(writers.particles, _OPTIONS),
     "run": Format(writers.run, _REPORTS, only=_OF_RUN),
-    "pivlab": by_convert(_PIVLAB, _TEXTS, *LAB, text=True),
-    "openpiv": by_convert(_OPENPIV, _TEXTS, *LAB, *PIXELS, text=True),
-    "insight": by_convert(_INSIGHT, "a0.vec a1.vec a2.vec", *LAB, text=True),
-    "davis": by_convert(_DAVIS, _TEXTS, "--frame-rate", "9 Hz", *MATERIAL, text=True),
-    "basilisk": by_convert(_BASILISK, _BASILISK_FILES, *PLAIN, "--times", "name", text=True),
+    "pivlab": by_convert(frames("a{}.txt", export), _TEXTS, *LAB, text=True),
+    "openpiv": by_convert(frames("a{}.txt", openpiv), _TEXTS, *LAB, *PIXELS, text=True),
+    "insight": by_convert(frames("a{}.vec", insight), "a0.vec a1.vec a2.vec", *LAB, text=True),
+    "davis": by_convert(
+        frames("a{}.txt", davis), _TEXTS, "--frame-rate", "9 Hz", *MATERIAL, text=True
+    ),
+    "basilisk": by_convert(
+        frames("a-{}.txt", basilisk), _BASILISK, *PLAIN, "--times", "name", text=True
+    ),
     "tracks": by_convert(writers.tracks, "a.csv", *LAB, *PIXELS, *FLIP, text=True),
     "tracks-hdf5": by_convert(writers.tracks_hdf5, "a.h5", *LAB, *PIXELS, *FLIP, needs=_HDF),
     "mat5": by_convert(writers.mat("version_5", "all_frames"), "a.mat", *LAB),

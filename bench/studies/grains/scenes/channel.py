@@ -40,19 +40,16 @@ def channel(material: Material, depth_seen: float, duration: float) -> Scene:
         ),
         box=(0, LENGTH, -2, 2.2 * DEPTH, -0.1, GAP + 0.1),
         boundary="p f f",
-        stages="\n".join(
-            (
-                f"fix side free wall/gran {side} zplane 0 {GAP:g} contacts",
-                run(20.0),
-                f"variable start atom {START:g}*({DEPTH:g}^1.5-((y<{DEPTH:g})*({DEPTH:g}-y))^1.5)",
-                "velocity free set v_start NULL NULL sum yes",
-                gravity(*tilted),
-                run(80.0),
-            )
+        stages=(
+            f"fix side free wall/gran {side} zplane 0 {GAP:g} contacts",
+            run(20.0),
+            f"variable start atom {START:g}*({DEPTH:g}^1.5-((y<{DEPTH:g})*({DEPTH:g}-y))^1.5)",
+            "velocity free set v_start NULL NULL sum yes",
+            gravity(*tilted),
+            run(80.0),
         ),
         gravity=tilted,
         grid=Grid(0, LENGTH, 0, DEPTH + 4, cell=1.0),
-        inside=lambda x, y: y > 0,
         duration=duration,
         snapshots=200,
         frames=2,

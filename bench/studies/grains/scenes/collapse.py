@@ -22,18 +22,13 @@ def collapse(width: float, height: float, reach: float, duration: float) -> Scen
             lattice(0, width, 0, width * height),
         ),
         box=(-2, reach, -2, 1.6 * height),
-        boundary="f f p",
-        stages="\n".join(
-            (
-                "fix mirror free wall/gran WALL_SMOOTH xplane 0 NULL",
-                f"fix gate free wall/gran WALL_SMOOTH xplane NULL {width:g}",
-                run(1.2 * np.sqrt(height) + 25),
-                "unfix gate",
-            )
+        stages=(
+            "fix mirror free wall/gran WALL_SMOOTH xplane 0 NULL",
+            f"fix gate free wall/gran WALL_SMOOTH xplane NULL {width:g}",
+            run(1.2 * np.sqrt(height) + 25),
+            "unfix gate",
         ),
-        gravity=(0.0, -1.0),
         grid=Grid(0, reach, 0, 2 * np.ceil(0.5 * height) + 4),
-        inside=lambda x, y: y > 0,
         duration=0.56 * frames,
         snapshots=8 * frames,
         frames=frames,

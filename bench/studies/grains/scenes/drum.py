@@ -26,15 +26,11 @@ def drum(rate: float, duration: float, filmed: int = 0) -> Scene:
             disk(RADIUS, 0.5 * math.pi * RADIUS**2),
         ),
         box=(-RADIUS - 3, RADIUS + 3, -RADIUS - 3, RADIUS + 3),
-        boundary="f f p",
-        stages="\n".join(
-            (
-                run(25.0),
-                f"fix turn moving move rotate 0 0 0 0 0 1 {2 * math.pi / rate:g}",
-                run(2.8 / rate),
-            )
+        stages=(
+            run(25.0),
+            f"fix turn moving move rotate 0 0 0 0 0 1 {2 * math.pi / rate:g}",
+            run(2.8 / rate),
         ),
-        gravity=(0.0, -1.0),
         grid=Grid(-RADIUS, RADIUS, -RADIUS, RADIUS),
         inside=lambda x, y: np.hypot(x, y) < RADIUS,
         duration=duration,

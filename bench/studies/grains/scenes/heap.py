@@ -41,27 +41,22 @@ def heap(length: float, start: float, end: float, flux: float, duration: float) 
             *_stairs(length, start, end),
         ),
         box=(-2, length + 12, -20, max(top + POURED + 2, 2 * start)),
-        boundary="f f p",
-        stages="\n".join(
-            (
-                "fix wall free wall/gran WALL_SMOOTH xplane 0 NULL",
-                f"fix gate free wall/gran WALL_SMOOTH xplane NULL {length:g}",
-                run(14.0),
-                "unfix gate",
-                f"region feed block 1 {FEED - 1:g} {top:g} {top + POURED:g} -0.5 0.5",
-                feed,
-                run(80.0),
-                "unfix feed",  # the time of a fix that pours cannot be set back
-            )
+        stages=(
+            "fix wall free wall/gran WALL_SMOOTH xplane 0 NULL",
+            f"fix gate free wall/gran WALL_SMOOTH xplane NULL {length:g}",
+            run(14.0),
+            "unfix gate",
+            f"region feed block 1 {FEED - 1:g} {top:g} {top + POURED:g} -0.5 0.5",
+            feed,
+            run(80.0),
+            "unfix feed",  # the time of a fix that pours cannot be set back
         ),
-        gravity=(0.0, -1.0),
         grid=Grid(FEED + 4, length - EDGE, 0, 2 * math.ceil(0.5 * start) + 8),
-        inside=lambda x, y: y > 0,
         duration=duration,
         snapshots=400,
         frames=2,
         steady=True,
-        recorded=(feed,),
+        recorded=feed,
         attributes={"walls": "y = 0: rough, glued grains, no slip; left and right are open"},
     )
 

@@ -47,7 +47,7 @@ class Scene:
             they show one flow. Its stress is that of the means over both halves of the record.
         surface: the grains have a free surface.
         attributes: walls and what else the flow file states.
-        recorded: LAMMPS lines at the start of the record.
+        recorded: a LAMMPS line at the start of the record.
         columns: of the dump file.
         shape: of the grains.
         view: of spheres between side walls: the smallest and largest z of what is seen.
@@ -56,21 +56,21 @@ class Scene:
     title: str
     packing: Callable[[int], Sequence[Packing]]
     box: tuple[float, ...]
-    boundary: str
-    stages: str
-    gravity: tuple[float, float]
+    stages: Sequence[str]
     grid: Grid
-    inside: Callable[[Float64, Float64], Bool]
     duration: float
     snapshots: int
     frames: int
+    boundary: str = "f f p"
+    gravity: tuple[float, float] = (0.0, -1.0)
+    inside: Callable[[Float64, Float64], Bool] = lambda x, y: y > 0
     dropped: float = 0.0
     mirror: bool = False
     steady: bool = False
     filmed: bool = False
     surface: bool = True
     attributes: dict[str, float | str] = field(default_factory=dict)
-    recorded: tuple[str, ...] = ()
+    recorded: str = ""
     columns: tuple[str, ...] = COLUMNS
     shape: Shape = DISKS
     view: tuple[float, float] | None = None
@@ -94,31 +94,24 @@ def run(time: float) -> str:
 def script(scene: Scene, material: Material) -> str:
     """The input of LAMMPS: start, the stages of the scene, then the record."""
     every = max(1, round(scene.duration / scene.snapshots / TIME_STEP))
-    return (
-        "\n".join(
-            (
-                head(scene.shape, scene.boundary),
-                f"read_data {START}",
-                scene.shape.set_density("atom *"),
-                "group free type 1",
-                "group fixed type 2",
-                "group moving type 3",
-                "group glued union fixed moving",
-                motion(scene.shape, material, "free"),
-                "neigh_modify exclude group glued glued",
-                "thermo 20000",
-                "thermo_modify lost ignore flush yes",
-                gravity(0, -1),
-                scene.stages.replace("WALL_SMOOTH", material.wall(0.0)).replace(
-                    "WALL", material.wall(material.friction)
-                ),
-                "reset_timestep 0",
-                *scene.recorded,
-                "compute virial free stress/atom NULL pair",
-                f"dump record free custom {every} {DUMP} {' '.join(scene.columns)}",
-                "dump_modify record first yes format float %.6g",
-                f"run {every * (scene.snapshots - 1)}",
-            )
-        )
-        + "\n"
-    )
+    stages = "\n".join(scene.stages).replace("WALL_SMOOTH", material.wall(0.0))
+    return f"""{head(scene.shape, scene.boundary)}
+read_data {START}
+{scene.shape.set_density}
+group free type 1
+group fixed type 2
+group moving type 3
+group glued union fixed moving
+{motion(scene.shape, material)}
+neigh_modify exclude group glued glued
+thermo 20000
+thermo_modify lost ignore flush yes
+{gravity(0, -1)}
+{stages.replace("WALL", material.wall(material.friction))}
+reset_timestep 0
+{scene.recorded}
+compute virial free stress/atom NULL pair
+dump record free custom {every} {DUMP} {" ".join(scene.columns)}
+dump_modify record first yes format float %.6g
+run {every * (scene.snapshots - 1)}
+"""

@@ -23,11 +23,7 @@ def silo(width: float, height: float, outlet: float, duration: float) -> Scene:
             lattice(-half, half, 0, width * height),
         ),
         box=(-half - 3, half + 3, -12, 1.7 * height),
-        boundary="f f p",
-        stages="\n".join(
-            (run(1.2 * np.sqrt(height) + 25), "delete_atoms group moving compress no")
-        ),
-        gravity=(0.0, -1.0),
+        stages=(run(1.2 * np.sqrt(height) + 25), "delete_atoms group moving compress no"),
         grid=Grid(-half, half, 0, 2 * np.ceil(0.5 * height) + 4),
         inside=lambda x, y: (np.abs(x) < half) & ((y > 0) | (np.abs(x) < gap)),
         duration=0.56 * frames,
