@@ -88,10 +88,10 @@ def _by_frame(t: Float64, line_t: Float64) -> tuple[Index, Index]:
     return point, np.searchsorted(frame[point], np.arange(len(t) + 1))
 
 
-def moved(flow: Flow, surface: Surface, offset: float) -> Surface:
-    """Points of the free surface of a flow, moved outwards by `offset`, in the unit of length."""
+def moved(flow: Flow, surface: Surface, *offsets: float) -> list[Surface]:
+    """Points of the surface of a flow, moved outwards by each offset, in the unit of length."""
     n_x, n_y = outward_normals(flow, surface).T
-    return replace(surface, x=surface.x + offset * n_x, y=surface.y + offset * n_y)
+    return [replace(surface, x=surface.x + a * n_x, y=surface.y + a * n_y) for a in offsets]
 
 
 def outward_normals(flow: Flow, surface: Surface) -> Float64:
@@ -100,8 +100,9 @@ def outward_normals(flow: Flow, surface: Surface) -> Float64:
     line = np.stack([surface.x, surface.y], -1)
     found = np.empty(line.shape)
     frames, vectors = _vectors(flow)
-    for t in np.unique(surface.t):
-        now = surface.t == t
+    order = np.argsort(surface.t, kind="stable")
+    times, first = np.unique(surface.t[order], return_index=True)
+    for t, now in zip(times, np.split(order, first[1:]), strict=True):
         points = line[now]
         normals = _normals(points, up)
         grains = vectors[int(np.argmin(np.abs(frames - t)))]

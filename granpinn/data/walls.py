@@ -54,6 +54,13 @@ class Segments:
         nearest = known[np.argmin(np.abs(known - time))]
         return self.some(np.isnan(self.t) | (self.t == nearest))
 
+    def spells(self, t: Float64) -> Iterator[tuple[Index, Segments]]:
+        """The numbers of the times t [n] at which the same segments are there, and these."""
+        known = np.unique(self.t[np.isfinite(self.t)])
+        spell = np.searchsorted((known[1:] + known[:-1]) / 2, t)
+        for k in np.unique(spell):
+            yield np.flatnonzero(spell == k), self.at(float(known[k])) if known.size else self
+
     @property
     def length(self) -> Float64:
         """[K]."""
@@ -210,9 +217,9 @@ def parted(start: Float64, end: Float64, t: Float64, segments: Segments) -> Bool
     """
     found = np.zeros(len(start), bool)
     known = np.isfinite(end).all(axis=1)
-    for time in np.unique(t[known]):
-        k = np.flatnonzero(known & (t == time))
-        found[k] = crossed(start[k], end[k], segments.at(float(time)))
+    for k, there in segments.spells(t):
+        k = k[known[k]]
+        found[k] = crossed(start[k], end[k], there)
     return found
 
 
