@@ -52,14 +52,14 @@ def most_cells(flow: Flow) -> int:
 
 
 def some_frames(flow: Flow, frames: slice | Index) -> Flow:
-    """A flow of some frames, in memory, with their points of the surface and all walls; the flow
-    itself if these are all frames."""
+    """A flow of some frames with their points of the surface and all walls; the flow itself if
+    these are all frames. Arrays of a slice stay where they are."""
     k = np.arange(flow.t.size)[frames]
     if k.size == flow.t.size:
         return flow
     arrays = {name: getattr(flow, name) for name in GRID}
     kept: dict[str, Any] = {
-        name: np.array(a[frames]) for name, a in arrays.items() if isinstance(a, np.ndarray)
+        name: a[frames] for name, a in arrays.items() if isinstance(a, np.ndarray)
     }
     surface = None if flow.surface is None else of_frames(flow.surface, flow.t, k)
     return replace(flow, t=flow.t[k], surface=surface, **kept)

@@ -44,22 +44,14 @@ def with_partial_cells(flow: Flow) -> Flow:
     return replace(flow, c=c)
 
 
-def filled_slabs(
-    flow: Flow, frames: Index | None = None, ahead: int = 0
-) -> Iterator[tuple[slice, Flow]]:
+def filled_slabs(flow: Flow, ahead: int = 0) -> Iterator[tuple[slice, Flow]]:
     """Slabs of frames and the flow in them; that of a large flow with its partly filled cells.
 
     Args:
-        frames: those that count, by default all. Slabs without any are left out.
         ahead: further frames behind the slab.
     """
     for k in slabs(flow):
-        if frames is None:
-            part = some_frames(flow, slice(k.start, k.stop + ahead))
-        elif (here := frames[(frames >= k.start) & (frames < k.stop)]).size:
-            part = some_frames(flow, here)
-        else:
-            continue
+        part = some_frames(flow, slice(k.start, k.stop + ahead))
         yield k, with_partial_cells(part) if is_large(flow) else part
 
 

@@ -13,7 +13,7 @@ warning.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow, FlowFileWarning
+from granpinn.data.partial_cells import filled_slabs
 from granpinn.data.walls import Segments, crossed, grid_spacing, samples, segments_of
 from granpinn.physics.terms import TERMS
 
@@ -61,10 +62,10 @@ class Touch(NamedTuple):
     target: Float64
 
 
-def touch_of(flows: Iterable[Flow], segments: Segments) -> Touch:
-    """The points of walls that grains touch, at the times of the frames of flows."""
+def _touch(whole: Flow, segments: Segments) -> Touch:
+    """The points of walls that grains touch, at the times of all frames."""
     parts = []
-    for flow in flows:
+    for _, flow in filled_slabs(whole):
         frames = np.flatnonzero(flow.after_start(flow.t))
         for k, there in segments.spells(flow.t[frames]):
             blocks = np.split(frames[k], range(AT_ONCE, k.size, AT_ONCE))
@@ -192,18 +193,12 @@ MOST_WARNINGS = 8
 LEAST_AGREEMENT = 0.9  # of the points of a wall, below which a condition is warned of
 
 
-def walls_of(
-    flow: Flow, parts: Iterable[Flow] | None = None
-) -> tuple[Touch, list[WallFacts]] | None:
-    """Points and facts of the walls of a flow; None if it states no walls.
-
-    Args:
-        parts: flows of its frames that count, one after another; by default the flow.
-    """
+def walls_of(flow: Flow) -> tuple[Touch, list[WallFacts]] | None:
+    """Points and facts of the walls of a flow; None if it states no walls."""
     if flow.walls is None:
         return None
     segments = segments_of(flow.walls)
-    touch, names = touch_of([flow] if parts is None else parts, segments), segments.names()
+    touch, names = _touch(flow, segments), segments.names()
     points = np.bincount(touch.wall, minlength=len(names))
 
     def mean(values: Bool | Float64, known: Bool) -> Float64:

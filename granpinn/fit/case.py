@@ -116,11 +116,11 @@ class Case:
         """What of a large flow is used for what, or that a flow is a mean, in words."""
         if self.whole is None:
             return said(self.flow)
-        runs = len(self.seen.starts)
+        runs, points = len(self.seen.starts), self.member.data.points
         return (
-            f"large flow: {len(self.member.data.points):,} vectors of all {self.whole.t.size} "
-            f"frames train; noise, symmetries and momentum balance are those of "
-            f"{self.seen.t.size} frames in {runs} runs; fields, figures and errors are those of "
+            f"large flow: {len(points):,} vectors of {len(points[:, 2].unique())} of "
+            f"{self.whole.t.size} frames train; noise, symmetries and momentum balance are those "
+            f"of {self.seen.t.size} frames in {runs} runs; fields, figures and errors are those of "
             f"{self.flow.t.size} frames"
         )
 
