@@ -20,7 +20,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float64, Index
+from granpinn.arrays import Bool, Float64, Index, nearest
 from granpinn.data.flow import Flow, Surface
 
 MOST_CELLS = 2**23
@@ -69,11 +69,11 @@ def of_frames(surface: Surface, t: Float64, frames: Index) -> Surface:
     """The points that are nearest in time to some of the frames at t [T] (`surface.py`)."""
     wanted = np.zeros(t.size, bool)
     wanted[frames] = True
-    known, nearest = _nearest.get(surface, (None, None))
-    if known is not t or nearest is None:
-        nearest = np.searchsorted((t[1:] + t[:-1]) / 2, surface.t)
-        _nearest[surface] = t, nearest
-    return chosen(surface, wanted[nearest])
+    known, frame = _nearest.get(surface, (None, None))
+    if known is not t or frame is None:
+        frame = nearest(t, surface.t)
+        _nearest[surface] = t, frame
+    return chosen(surface, wanted[frame])
 
 
 def chosen(surface: Surface, kept: Bool) -> Surface:

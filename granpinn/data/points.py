@@ -164,6 +164,7 @@ def training_sets(
     level: str,
     dtype: torch.dtype,
     collocation: float,
+    walled: TrainingSet | None = None,
 ) -> list[TrainingSet]:
     """The points of a fit for every variant of a flow.
 
@@ -175,6 +176,7 @@ def training_sets(
             surfaces have the same number of points.
         flow: the vectors that decide about the conditions on its walls.
         level, dtype, collocation: as in `training_set`.
+        walled: a set of `flow`, if there is one: it has the same points on walls.
 
     Raises:
         FlowFileError: the flow lacks data that the level needs.
@@ -211,7 +213,7 @@ def training_sets(
             )
     if level != "V0" and len(shared.between):
         sets = _with_strips(sets, flow, scales)
-    sets = _with_walls([_with_even_weights(made) for made in sets], flow, scales)
+    sets = _with_walls([_with_even_weights(made) for made in sets], flow, scales, walled)
     if flow.source is None:
         return sets
     return [
@@ -378,24 +380,30 @@ def _with_even_weights(made: TrainingSet) -> TrainingSet:
     )
 
 
-def _with_walls(sets: list[TrainingSet], flow: Flow, scales: Scales) -> list[TrainingSet]:
+def _with_walls(
+    sets: list[TrainingSet], flow: Flow, scales: Scales, walled: TrainingSet | None
+) -> list[TrainingSet]:
     """The sets with the velocities, and the known pressures, on the walls of a flow.
 
     Warns of conditions that the vectors contradict.
     """
-    found = walls_of(flow)
-    if found is None:
+    if walled is not None:
+        M = len(sets[0].surface_points)
+        at, moves = walled.wall_points, walled.wall_velocity
+        loaded, load = walled.surface_points[M:], walled.surface_pressure[M:]
+    elif (found := walls_of(flow)) is None:
         return sets
-    touch, facts = found
-    warn_of_contradictions(facts)
-    points = placed(*touch.point.T, flow, scales)
-    velocity = moving(*touch.target.T, flow, scales)
-    pressure = scales.to_dimensionless(touch.p, "pressure")
-    used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
-    at, moves, loaded, load = (
-        torch.as_tensor(a).to(sets[0].points)
-        for a in (points[used], velocity[used], points[known], pressure[known])
-    )
+    else:
+        touch, facts = found
+        warn_of_contradictions(facts)
+        points = placed(*touch.point.T, flow, scales)
+        velocity = moving(*touch.target.T, flow, scales)
+        pressure = scales.to_dimensionless(touch.p, "pressure")
+        used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
+        at, moves, loaded, load = (
+            torch.as_tensor(a).to(sets[0].points)
+            for a in (points[used], velocity[used], points[known], pressure[known])
+        )
     return [
         replace(
             made,

@@ -259,7 +259,8 @@ def fixed_values(config: Config, facts: Facts) -> dict[str, float]:
 
 def with_variants(case: Case, variants: Sequence[tuple[Flow, Surface]]) -> list[Member]:
     """The member of a case with the data of variants of its flow (`training_sets`)."""
-    sets = training_sets(variants, case.seen, case.scales, *of_points(case.config))
+    walled = case.member.data if case.whole is None else None
+    sets = training_sets(variants, case.seen, case.scales, *of_points(case.config), walled)
     return [dataclasses.replace(case.member, data=data) for data in sets]
 
 
