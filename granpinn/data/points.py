@@ -396,8 +396,8 @@ def _with_walls(
     else:
         touch, facts = found
         warn_of_contradictions(facts)
-        points = placed(*touch.point.T, flow, scales)
-        velocity = moving(*touch.target.T, flow, scales)
+        (x, y, t), (u, v) = touch.point.T, touch.target.T
+        points, velocity = placed(x, y, t, flow, scales), moving(u, v, flow, scales)
         pressure = scales.to_dimensionless(touch.p, "pressure")
         used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
         at, moves, loaded, load = (

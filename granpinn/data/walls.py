@@ -212,7 +212,7 @@ def parted(start: Float64, end: Float64, t: Float64, segments: Segments) -> Bool
     A path without an end (NaN) crosses none.
     """
     found = np.zeros(len(start), bool)
-    known = np.isfinite(end).all(axis=1)
+    known = np.asarray(np.isfinite(end).all(axis=1))
     for k, there in segments.spells(t):
         k = k[known[k]]
         found[k] = crossed(start[k], end[k], there)

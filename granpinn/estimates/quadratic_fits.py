@@ -37,6 +37,7 @@ def smooth(
     weight: Float64,
     spacing: tuple[float, float, float],
     half: tuple[int, int, int],
+    periodic: bool = False,
     at: Bool | None = None,
 ) -> list[Smooth]:
     """Local quadratic fits of several fields with the same weights.
@@ -47,12 +48,13 @@ def smooth(
         spacing: of the cells along t, y, x.
         half: cells on each side of the middle of a window, along t, y, x; 0 leaves an axis out,
             and 1 gives no fit at the ends.
+        periodic: along x.
         at: the cells [T, Y, X] around which to fit; by default all.
     """
     basis, axes = _basis(half)
     products = (basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
     n = basis.shape[1]
-    views = [_windows(a, half) for a in (weight, *(_filled(f, weight) for f in fields))]
+    views = [_windows(a, half, periodic) for a in (weight, *(_filled(f, weight) for f in fields))]
     whole = np.linalg.pinv(basis)
     found = np.full((len(fields), n, *weight.shape), np.nan)
     places = np.argwhere(np.ones(weight.shape, bool) if at is None else at)
@@ -137,9 +139,11 @@ def _filled(field: Float64, weight: Float64) -> Float64:
     return np.asarray(np.where(weight > 0, field, 0.0) * weight)
 
 
-def _windows(array: Float64, half: tuple[int, int, int]) -> Float64:
+def _windows(array: Float64, half: tuple[int, int, int], periodic: bool) -> Float64:
     """The window around every cell: [T, Y, X, 2 half_t + 1, 2 half_y + 1, 2 half_x + 1]."""
-    padded = np.pad(array, [(h, h) for h in half])
+    pad = [(h, h) for h in half]
+    inner = np.pad(array, (*pad[:2], (0, 0)))
+    padded = np.pad(inner, ((0, 0), (0, 0), pad[2]), mode="wrap" if periodic else "constant")
     return sliding_window_view(padded, tuple(2 * h + 1 for h in half))
 
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -118,7 +119,7 @@ class Case:
             return said(self.flow)
         runs, points = len(self.seen.starts), self.member.data.points
         return (
-            f"large flow: {len(points):,} vectors of {len(points[:, 2].unique())} of "
+            f"large flow: {len(points):,} vectors of {np.unique(points[:, 2]).size} of "
             f"{self.whole.t.size} frames train; noise, symmetries and momentum balance are those "
             f"of {self.seen.t.size} frames in {runs} runs; fields, figures and errors are those of "
             f"{self.flow.t.size} frames"
