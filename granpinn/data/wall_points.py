@@ -31,6 +31,7 @@ NEAR, NEAREST = 24, 12  # vectors of a fit, and of the one that shows its error
 WIDE = 4.0  # spacings to the farthest vector of a fit
 FEWEST = 6  # vectors of a fit
 AT_ONCE = 16  # frames
+TINY = np.finfo(float).tiny
 SURE = 3.0  # standard errors
 TOLERANCE = TERMS[0].sigma  # of the rms speed: less is nothing to a training
 PLACE = 0.25  # spacings by which the place of a wall may be wrong
@@ -88,10 +89,13 @@ def _touch_in(flow: Flow, frames: Index, segments: Segments, spacing: float) -> 
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     side = np.einsum("nkc,nc->nk", step, normal)
     near = (side * side[:, :1] > 0) & (distance <= WIDE * spacing)
-    of_grains, slope, error = _fit(step, vectors, near)
+    frame, farthest = np.unique(t, return_inverse=True)[1], np.full(len(frames), TINY)
+    np.maximum.at(farthest, frame, np.abs(step).max(axis=(1, 2)))
+    scale = farthest[frame]
+    of_grains, slope, error = _fit(step, vectors, near, scale)
     closer = near.copy()
     closer[:, NEAREST:] = False
-    other, _, _ = _fit(step, vectors, closer)
+    other, _, _ = _fit(step, vectors, closer, scale)
     change = np.abs(np.einsum("nic,ni->nc", slope, normal)) * (PLACE * spacing)
     least = TOLERANCE * speed[:, None]
     error = np.sqrt((SURE * error) ** 2 + (of_grains - other) ** 2 + change**2 + least**2)
@@ -139,16 +143,19 @@ def _between(ends: Float64, part: Float64) -> Float64:
     return np.asarray((1 - part) * ends[:, 0] + part * ends[:, 1])
 
 
-def _fit(step: Float64, vectors: Float64, near: Bool) -> tuple[Float64, Float64, Float64]:
+def _fit(
+    step: Float64, vectors: Float64, near: Bool, scale: Float64
+) -> tuple[Float64, Float64, Float64]:
     """Planes through vectors: value and its standard error at step 0 [n, 2], slopes [n, 2, 2].
 
     Args:
         step: from the point to its vectors [n, k, 2].
         vectors: [n, k, 2].
         near: which of them count [n, k].
+        scale: size of the steps [n]; it decides which directions the vectors fix.
     """
+    scale = scale[:, None, None]
     one = np.ones((*near.shape, 1))
-    scale = max(float(np.abs(step).max(initial=0.0)), np.finfo(float).tiny)
     X = np.concatenate([one, step / scale], axis=2) * near[..., None]
     Y = np.where(near[..., None], vectors, 0.0)
     inverse = np.linalg.pinv(X.swapaxes(1, 2) @ X, rcond=1e-9, hermitian=True)
