@@ -87,3 +87,8 @@ def _without_mask(values: Any) -> Any:
         return data
     # Masked tensors of torch; others with gradients or on a GPU are for the user to detach.
     return values.to_tensor(np.nan) if hasattr(values, "get_mask") else values
+
+
+def nearest(places: Floats, values: Floats) -> Index:
+    """The number of the place, among increasing ones [k], that is nearest to each value [n]."""
+    return np.searchsorted((places[1:] + places[:-1]) / 2, values)

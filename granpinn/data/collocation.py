@@ -83,16 +83,12 @@ def _cut(flow: Flow, segments: Segments) -> Bool:
     """
     y, x = np.meshgrid(flow.y, flow.x, indexing="ij")
     place = np.stack([x, y], -1)
-    corners = [place[a : len(y) - 1 + a, b : x.shape[1] - 1 + b] for a in (0, 1) for b in (0, 1)]
-
-    def at(time: float) -> Bool:
-        there = segments.at(time)
-        pairs = ((a.reshape(-1, 2), b.reshape(-1, 2)) for a, b in combinations(corners, 2))
-        found = np.any([crossed(a, b, there) for a, b in pairs], axis=0)
-        return np.asarray(found.reshape(corners[0].shape[:2]))
-
-    times = flow.t if np.isfinite(segments.t).any() else flow.t[:1]
-    cut = np.stack([at(float(t)) for t in times])
+    shape = len(y) - 1, x.shape[1] - 1
+    corners = [place[a:, b:][: shape[0], : shape[1]] for a in (0, 1) for b in (0, 1)]
+    pairs = [(a.reshape(-1, 2), b.reshape(-1, 2)) for a, b in combinations(corners, 2)]
+    cut = np.empty((flow.t.size, *shape), bool)
+    for k, there in segments.spells(flow.t):
+        cut[k] = np.any([crossed(a, b, there) for a, b in pairs], axis=0).reshape(shape)
     return cut if len(cut) == 1 else cut[1:] | cut[:-1]
 
 

@@ -20,7 +20,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float64, Index
+from granpinn.arrays import Bool, Float64, Index, nearest
 from granpinn.data.flow import Flow, Surface
 
 MOST_CELLS = 2**23
@@ -52,14 +52,14 @@ def most_cells(flow: Flow) -> int:
 
 
 def some_frames(flow: Flow, frames: slice | Index) -> Flow:
-    """A flow of some frames, in memory, with their points of the surface and all walls; the flow
-    itself if these are all frames."""
+    """A flow of some frames with their points of the surface and all walls; the flow itself if
+    these are all frames. Arrays of a slice stay where they are."""
     k = np.arange(flow.t.size)[frames]
     if k.size == flow.t.size:
         return flow
     arrays = {name: getattr(flow, name) for name in GRID}
     kept: dict[str, Any] = {
-        name: np.array(a[frames]) for name, a in arrays.items() if isinstance(a, np.ndarray)
+        name: a[frames] for name, a in arrays.items() if isinstance(a, np.ndarray)
     }
     surface = None if flow.surface is None else of_frames(flow.surface, flow.t, k)
     return replace(flow, t=flow.t[k], surface=surface, **kept)
@@ -69,11 +69,11 @@ def of_frames(surface: Surface, t: Float64, frames: Index) -> Surface:
     """The points that are nearest in time to some of the frames at t [T] (`surface.py`)."""
     wanted = np.zeros(t.size, bool)
     wanted[frames] = True
-    known, nearest = _nearest.get(surface, (None, None))
-    if known is not t or nearest is None:
-        nearest = np.searchsorted((t[1:] + t[:-1]) / 2, surface.t)
-        _nearest[surface] = t, nearest
-    return chosen(surface, wanted[nearest])
+    known, frame = _nearest.get(surface, (None, None))
+    if known is not t or frame is None:
+        frame = nearest(t, surface.t)
+        _nearest[surface] = t, frame
+    return chosen(surface, wanted[frame])
 
 
 def chosen(surface: Surface, kept: Bool) -> Surface:

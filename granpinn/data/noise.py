@@ -10,17 +10,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from granpinn.arrays import Float32, Float64, Floats
-from granpinn.data.flow import Flow, Particles, Surface
+from granpinn.data.flow import Flow
 from granpinn.data.particles import grid_view
 from granpinn.declared import checked
 
 _STREAM_U, _STREAM_V, _STREAM_P = range(3)
-Vectors = TypeVar("Vectors", Flow, Particles)
 
 
 @checked
@@ -41,15 +40,27 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
     if sd == 0:
         return flow
     sigma = sd * max_speed(flow) / math.sqrt(flow.averaged)
-    noisy = replace(flow, surface=_noisy_surface(flow.surface, sd, seed))
+    vectors = flow.particles or flow
+    arrays: dict[str, Any] = {
+        "u": _noisy(vectors.u, sigma, seed, _STREAM_U),
+        "v": _noisy(vectors.v, sigma, seed, _STREAM_V),
+    }
+    # Of particles without sigmas of their own, the flow has the sigmas.
+    stated = flow if vectors.sigma_u is None or vectors.sigma_v is None else vectors
+    sigmas: dict[str, Any] = {
+        name: _in_quadrature(getattr(stated, name), sigma) for name in ("sigma_u", "sigma_v")
+    }
+    changes = sigmas if stated is flow else {}
     if flow.particles is None:
-        return _with_sigma(_noisy_vectors(noisy, sigma, seed), sigma)
-    particles = _noisy_vectors(flow.particles, sigma, seed)
-    if particles.sigma_u is None or particles.sigma_v is None:
-        noisy = _with_sigma(noisy, sigma)
+        changes |= arrays
     else:
-        particles = _with_sigma(particles, sigma)
-    return replace(noisy, **grid_view(particles), particles=particles)
+        particles = replace(flow.particles, **arrays, **({} if stated is flow else sigmas))
+        changes |= grid_view(particles) | {"particles": particles}
+    surface = flow.surface
+    if surface is not None and surface.p is not None:
+        largest = sd * float(np.abs(surface.p).max())
+        surface = replace(surface, p=_noisy(surface.p, largest, seed, _STREAM_P))
+    return replace(flow, surface=surface, **changes)
 
 
 def known_sd(flow: Flow) -> float:
@@ -89,27 +100,6 @@ def max_speed(flow: Flow) -> float:
         return float(np.hypot(flow.particles.u, flow.particles.v, dtype=np.float64).max())
     valid = flow.valid
     return float(np.hypot(flow.u[valid], flow.v[valid], dtype=np.float64).max())
-
-
-def _noisy_vectors(vectors: Vectors, sigma: float, seed: int) -> Vectors:
-    """A flow or particles with noise on u and v."""
-    u = _noisy(vectors.u, sigma, seed, _STREAM_U)
-    return replace(vectors, u=u, v=_noisy(vectors.v, sigma, seed, _STREAM_V))
-
-
-def _with_sigma(vectors: Vectors, added: float) -> Vectors:
-    """A flow or particles with the standard deviations of a sum of independent errors."""
-    sigmas = {name: getattr(vectors, name) for name in ("sigma_u", "sigma_v")}
-    sums: dict[str, Any] = {name: _in_quadrature(known, added) for name, known in sigmas.items()}
-    return replace(vectors, **sums)
-
-
-def _noisy_surface(surface: Surface | None, sd: float, seed: int) -> Surface | None:
-    """The surface with noise on its pressure, where it has one."""
-    if surface is None or surface.p is None:
-        return surface
-    sigma = sd * float(np.abs(surface.p).max())
-    return replace(surface, p=_noisy(surface.p, sigma, seed, _STREAM_P))
 
 
 def _noisy(values: Floats, sigma: float, seed: int, stream: int) -> Float32:

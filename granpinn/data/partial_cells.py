@@ -44,22 +44,14 @@ def with_partial_cells(flow: Flow) -> Flow:
     return replace(flow, c=c)
 
 
-def filled_slabs(
-    flow: Flow, frames: Index | None = None, ahead: int = 0
-) -> Iterator[tuple[slice, Flow]]:
+def filled_slabs(flow: Flow, ahead: int = 0) -> Iterator[tuple[slice, Flow]]:
     """Slabs of frames and the flow in them; that of a large flow with its partly filled cells.
 
     Args:
-        frames: those that count, by default all. Slabs without any are left out.
         ahead: further frames behind the slab.
     """
     for k in slabs(flow):
-        if frames is None:
-            part = some_frames(flow, slice(k.start, k.stop + ahead))
-        elif (here := frames[(frames >= k.start) & (frames < k.stop)]).size:
-            part = some_frames(flow, here)
-        else:
-            continue
+        part = some_frames(flow, slice(k.start, k.stop + ahead))
         yield k, with_partial_cells(part) if is_large(flow) else part
 
 
@@ -94,17 +86,18 @@ def _beside(along: Float64, up: Float64, full: Bool, line: Float64) -> Bool:
 
 def _behind(flow: Flow, segments: Segments, partial: Bool) -> Bool:
     """Cells of `partial` [T, Y, X] from which a wall hides the nearest full cell."""
-    cells = np.argwhere(partial)
-    here, nearest = _places(flow, cells), np.full((len(cells), 2), np.nan)
-    for k in np.unique(cells[:, 0]):
-        full, own = _places(flow, np.argwhere(flow.material[k : k + 1])), cells[:, 0] == k
+    frame, row, column = cells = np.nonzero(partial)
+    here, nearest = _places(flow, row, column), np.full((len(row), 2), np.nan)
+    edges = np.searchsorted(frame, np.arange(flow.t.size + 1))
+    for k in np.flatnonzero(np.diff(edges)):
+        full, own = _places(flow, *np.nonzero(flow.c[k] >= 1)), slice(edges[k], edges[k + 1])
         if len(full):
             nearest[own] = full[cKDTree(full).query(here[own])[1]]
     behind = np.zeros_like(partial)
-    behind[tuple(cells.T)] = parted(here, nearest, flow.t[cells[:, 0]], segments)
+    behind[cells] = parted(here, nearest, flow.t[frame], segments)
     return behind
 
 
-def _places(flow: Flow, cells: Index) -> Float64:
-    """x, y of the centers of cells [n, 2], given by frame, row and column [n, 3]."""
-    return np.stack([flow.x[cells[:, 2]], flow.y[cells[:, 1]]], 1)
+def _places(flow: Flow, row: Index, column: Index) -> Float64:
+    """x, y of the centers of cells [n, 2]."""
+    return np.stack([flow.x[column], flow.y[row]], 1)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float32, Float64, Floats, Index
+from granpinn.arrays import Bool, Float32, Float64, Floats, Index, nearest
 from granpinn.data.flow import Flow, FlowFileError, Particles
 from granpinn.data.schema import check_layout, particle_arrays_of
 from granpinn.declared import checked
@@ -49,7 +49,7 @@ def grid_view(particles: Particles) -> dict[str, Any]:
     if t.size > MAX_FRAMES:
         t = np.linspace(t[0], t[-1], MAX_FRAMES)
     # A pause of the measurement has no frames, whatever their number.
-    frame = np.searchsorted((t[1:] + t[:-1]) / 2, particles.t)
+    frame = nearest(t, particles.t)
     seen, frame = np.unique(frame, return_inverse=True)
     t = t[seen]
     cell = _cell_size(particles, frame, t.size)

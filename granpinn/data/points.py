@@ -1,11 +1,8 @@
 """The points of training and scoring, dimensionless and in the order (t, y, x).
 
-A training set is made slab by slab (`large.py`), and a flow that is not large is one slab. At most
-`MOST_VECTORS` vectors train: a random part of every slab, the same in each, and the same for every
-seed. There are as many points between the vectors, in the strip under the surface and on walls for
-each vector that trains as in a flow whose vectors all train. Points in the strip and on walls come
-from every n-th frame, points of the free surface from all frames. So a training set takes at most
-`MOST_BYTES`. It holds more points than the default training draws, 2.6e7.
+A training set is made slab by slab (`large.py`), and a flow that is not large is one slab. Of a
+flow of more than `MOST_VECTORS` vectors, every n-th frame trains (`thinned`). So a training set
+takes at most about `MOST_BYTES`. It holds more points than the default training draws, 2.6e7.
 
 Variants of a flow differ in the cells that count as full of grains, and in the free surface. The
 sets of all variants have the same points in one order; a point that a variant lacks has the weight
@@ -14,24 +11,23 @@ sets of all variants have the same points in one order; a point that a variant l
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 
-from granpinn.arrays import Bool, Float64, Index
+from granpinn.arrays import Float64, Index
 from granpinn.config import LEVELS
 from granpinn.data.collocation import above_ground, lie_between, lowest_row, points_between
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
-from granpinn.data.large import of_frames, slabs, some_frames
+from granpinn.data.large import slabs, some_frames
 from granpinn.data.noise import velocity_weights
 from granpinn.data.outline import surface_of
 from granpinn.data.partial_cells import filled_slabs
-from granpinn.data.scaling import placed, turned_and_rounded
-from granpinn.data.surface_strip import Strip, draw, strip_of
+from granpinn.data.scaling import moving, placed, turned_and_rounded
+from granpinn.data.surface_strip import drawn, strip_of
 from granpinn.data.symmetry import axes_of
 from granpinn.data.wall_points import walls_of, warn_of_contradictions
 from granpinn.physics.axes import Axes
@@ -44,7 +40,6 @@ MOST_VECTORS = 2**24
 # With as many points between the vectors: 28 bytes for a vector, 16 for a point between, and 28 for
 # each once they are pooled.
 MOST_BYTES = 100 * MOST_VECTORS
-_KEY = 5 << 64  # of Philox; the same vectors for every seed
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +152,7 @@ def training_set(
     """
     if level not in LEVELS:
         raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {level!r}")
+    flow = thinned(flow)
     variant = flow, surface_of(flow, level)
     return training_sets([variant], flow, scales, level, dtype, collocation)[0]
 
@@ -168,6 +164,7 @@ def training_sets(
     level: str,
     dtype: torch.dtype,
     collocation: float,
+    walled: TrainingSet | None = None,
 ) -> list[TrainingSet]:
     """The points of a fit for every variant of a flow.
 
@@ -179,24 +176,60 @@ def training_sets(
             surfaces have the same number of points.
         flow: the vectors that decide about the conditions on its walls.
         level, dtype, collocation: as in `training_set`.
+        walled: a set of `flow`, if there is one: it has the same points on walls.
 
     Raises:
         FlowFileError: the flow lacks data that the level needs.
     """
-    union = variants[0][0]
-    if len(variants) > 1:
-        union = replace(union, c=np.max([variant.c for variant, _ in variants], axis=0))
+    flows, lines = zip(*variants, strict=True)
+    union = flows[0]
+    if len(flows) > 1:  # with the cells that are full in any of them
+        union = replace(union, c=np.max([variant.c for variant in flows], axis=0))
     _require_distinct(union, scales, dtype)
-    made = _Made(variants, union, scales, level, dtype, collocation)
-    for frames, own in filled_slabs(union, ahead=1):
-        made.add(frames, own)
-    sets = _with_walls(made.joined(), flow, scales, made.part)
+    share = collocation if union.particles is None else 0.0
+    row = lowest_row(union) if share else None
+    parts = [
+        _slab(own, frames, flows, scales, share, row, dtype)
+        for frames, own in filled_slabs(union, ahead=1)
+    ]
+    shared = _Slab(*map(torch.cat, zip(*parts, strict=True)))
+    if len(shared.points) == 0:
+        raise FlowFileError(
+            "c, u and v must hold valid vectors where c = 1 at t > 0, got none: start the "
+            "clock at the release of the grains"
+            if union.particles is None
+            else "particles/t must hold times after 0, got none: start the clock at the "
+            "release of the grains"
+        )
+    sets = []
+    for k, line in enumerate(lines):
+        on_line = placed(line.x, line.y, line.t, flow, scales)
+        sets.append(_set_of(shared, k, on_line, _pressure_on(line, scales, level)))
+    for name, values in sets[0].arrays().items():
+        if not torch.isfinite(values).all():
+            raise FlowFileError(
+                f"{name.replace('_', ' ')} must be finite as {dtype} in dimensionless "
+                "units, got an overflow: check the units and the values of the flow"
+            )
+    if level != "V0" and len(shared.between):
+        sets = _with_strips(sets, flow, scales)
+    sets = _with_walls([_with_even_weights(made) for made in sets], flow, scales, walled)
     if flow.source is None:
         return sets
     return [
         replace(s, source=source_at(torch.cat([s.points, s.between, s.strip]), flow, scales))
         for s in sets
     ]
+
+
+def thinned(flow: Flow) -> Flow:
+    """Every n-th frame after the start of a flow on a grid, so that it has about `MOST_VECTORS`
+    vectors at most; the flow itself if it has no more."""
+    full, _ = vector_counts(flow)
+    if flow.particles is not None or full <= MOST_VECTORS:
+        return flow
+    first = int(np.argmax(flow.after_start(flow.t)))
+    return some_frames(flow, slice(first, None, -(-full // MOST_VECTORS)))
 
 
 def vector_counts(flow: Flow) -> tuple[int, int]:
@@ -211,200 +244,69 @@ def vector_counts(flow: Flow) -> tuple[int, int]:
     return full, some
 
 
-def _frames(flow: Flow, part: float) -> Index:
-    """The frames from which points in strips and on walls come, for a part of the vectors."""
-    every = int(1 / part)
-    return (
-        np.arange(flow.t.size) if every == 1 else np.flatnonzero(flow.after_start(flow.t))[::every]
+class _Slab(NamedTuple):
+    """The points of some frames that all V variants share.
+
+    Attributes:
+        points, velocity, between: as in `TrainingSet`.
+        variances: of the vectors [N] in float64; [0] if they are not known, or are the same.
+        own, inside: the vectors [N, V] and the points between [B, V] that each variant has.
+    """
+
+    points: torch.Tensor
+    velocity: torch.Tensor
+    between: torch.Tensor
+    variances: torch.Tensor
+    own: torch.Tensor
+    inside: torch.Tensor
+
+
+def _slab(
+    slab: Flow,
+    frames: slice,
+    variants: Sequence[Flow],
+    scales: Scales,
+    share: float,
+    row: int | None,
+    dtype: torch.dtype,
+) -> _Slab:
+    """The points of a slab of frames, which is followed by one frame more up to which cells reach.
+
+    Args:
+        slab: with the cells that are full in any of the variants.
+        share: points between the vectors for each vector.
+        row: the lowest row of the whole flow.
+    """
+    vectors, cells = _vectors(slab, frames)
+    own = np.ones((len(vectors.t), len(variants)), bool)
+    between, inside = np.empty((0, 3)), np.empty((0, len(variants)), bool)
+    parts = [some_frames(variant, slice(frames.start, frames.stop + 1)) for variant in variants]
+    if len(parts) > 1 and cells is not None:
+        own = np.stack([part.c[cells] >= 1 for part in parts], 1)
+    if count := round(share * len(own)):
+        places = points_between(slab, above_ground(slab, row), count, frames.start)
+        between, inside = placed(*places, slab, scales), np.ones((len(places[0]), len(parts)), bool)
+        if len(parts) > 1:
+            complete = [lie_between(part, above_ground(part), *places) for part in parts]
+            inside = np.stack(complete, 1)
+    variances = np.empty(0)
+    if vectors.sigma_u is not None and vectors.sigma_v is not None:
+        variances = (
+            vectors.sigma_u.astype(np.float64) ** 2 + vectors.sigma_v.astype(np.float64) ** 2
+        )
+    return _Slab(
+        torch.as_tensor(placed(vectors.x, vectors.y, vectors.t, slab, scales)).to(dtype),
+        torch.as_tensor(moving(vectors.u, vectors.v, slab, scales)).to(dtype),
+        torch.as_tensor(between).to(dtype),
+        torch.as_tensor(variances),
+        torch.as_tensor(own),
+        torch.as_tensor(inside),
     )
 
 
-class _Rows:
-    """Rows in one block of memory: many small blocks would leave gaps between them.
-
-    Args:
-        most: rows; those that are never used take no memory.
-    """
-
-    def __init__(self, most: int, columns: int, dtype: torch.dtype) -> None:
-        self._block, self._count = torch.empty(most, columns, dtype=dtype), 0
-
-    def add(self, rows: Float64) -> torch.Tensor:
-        """Add rows, and return them in the type of the block."""
-        start, self._count = self._count, self._count + len(rows)
-        added = self._block[start : self._count]
-        added[:] = torch.as_tensor(rows)
-        return added
-
-    @property
-    def all(self) -> torch.Tensor:
-        """The rows so far [count, columns]."""
-        return self._block[: self._count]
-
-
-@dataclass
-class _Made:
-    """The points that were made of the slabs of a flow so far, for all variants.
-
-    Args:
-        flow: of all variants, with the cells that are full in any of them.
-    """
-
-    variants: Sequence[tuple[Flow, Surface]]
-    flow: Flow
-    scales: Scales
-    level: str
-    dtype: torch.dtype
-    collocation: float
-
-    def __post_init__(self) -> None:
-        flow, dtype, count = self.flow, self.dtype, len(slabs(self.flow))
-        full, some = vector_counts(flow)
-        self.part = min(1.0, MOST_VECTORS / max(1, full))  # of the vectors that train
-        self.frames = _frames(flow, self.part)
-        self.collocation = 0.0 if flow.particles is not None else self.collocation
-        self.row = lowest_row(flow) if self.collocation else None
-        most = math.ceil(self.part * some) + count
-        self.points, self.velocity = _Rows(most, 3, dtype), _Rows(most, 2, dtype)
-        self.between = _Rows(round(self.collocation * most) + count, 3, dtype)
-        self.variances: list[Float64] = []
-        # For each variant: the vectors and the points between that it has, and its strips.
-        self.own: list[list[Bool]] = [[] for _ in self.variants]
-        self.inside: list[list[Bool]] = [[] for _ in self.variants]
-        self.strips: list[list[Strip]] = [[] for _ in self.variants]
-
-    def add(self, frames: slice, own: Flow) -> None:
-        """Add a slab of frames, which is followed by one frame more up to which cells reach."""
-        found = _samples(own, frames, self.part)
-        if found is None:
-            return
-        samples, cells = found
-        points = self._add_vectors(samples)
-        count = round(self.collocation * len(points))
-        place = None
-        if count:
-            place = points_between(own, above_ground(own, self.row), count, frames.start)
-            self.between.add(placed(*place, self.flow, self.scales))
-        for k, (variant, _) in enumerate(self.variants):
-            if len(self.variants) > 1 and cells is not None:
-                same = some_frames(variant, slice(frames.start, frames.stop + 1))
-                self.own[k].append(same.c[cells] >= 1)
-                if place is not None:
-                    self.inside[k].append(lie_between(same, above_ground(same), *place))
-        chosen = self.frames[(self.frames >= frames.start) & (self.frames < frames.stop)]
-        if place is not None and self.level != "V0" and chosen.size:
-            self._add_strips(chosen, points, some_frames(own, chosen - frames.start))
-
-    def _add_vectors(self, samples: Particles) -> torch.Tensor:
-        flow, scales = self.flow, self.scales
-        measured = np.stack([samples.u, samples.v], -1, dtype=np.float64)
-        velocity = scales.to_dimensionless(measured, "velocity")
-        self.velocity.add(turned_and_rounded(velocity, axes_of(flow)))
-        if samples.sigma_u is not None and samples.sigma_v is not None:
-            sigmas = samples.sigma_u, samples.sigma_v
-            variance = sum(np.square(s, dtype=np.float64) for s in sigmas)
-            self.variances.append(np.asarray(variance))
-        return self.points.add(placed(samples.x, samples.y, samples.t, flow, scales))
-
-    def _add_strips(self, chosen: Index, points: torch.Tensor, own: Flow) -> None:
-        """Add the strips at some frames, from all of their vectors."""
-        masks = [parts[-1] if parts else None for parts in self.own]
-        if self.part < 1:
-            found = _samples(own, slice(0, own.t.size), 1.0)
-            if found is None:
-                return
-            samples, cells = found
-            points = self._tensor(placed(samples.x, samples.y, samples.t, self.flow, self.scales))
-            if len(self.variants) > 1:
-                masks = [some_frames(v, chosen).c[cells] >= 1 for v, _ in self.variants]
-        for (_, surface), mask, strips in zip(self.variants, masks, self.strips, strict=True):
-            line = self._tensor(self._line(of_frames(surface, self.flow.t, chosen)))
-            near = points if mask is None else points[torch.as_tensor(mask)]
-            places = near.double().numpy(), line.double().numpy()
-            strips.append(strip_of(*places, self.flow, self.scales))
-
-    def joined(self) -> list[TrainingSet]:
-        """The set of every variant.
-
-        Raises:
-            FlowFileError: there are no vectors, or a number is too large.
-        """
-        points, velocity, between = self.points.all, self.velocity.all, self.between.all
-        if len(points) == 0:
-            raise FlowFileError(
-                "c, u and v must hold valid vectors where c = 1 at t > 0, got none: start the "
-                "clock at the release of the grains"
-                if self.flow.particles is None
-                else "particles/t must hold times after 0, got none: start the clock at the "
-                "release of the grains"
-            )
-        weights = torch.ones(len(points), 2, dtype=self.dtype)
-        if self.variances:
-            weights[:, 0] = torch.as_tensor(velocity_weights(np.concatenate(self.variances)))
-        sets = []
-        for k, (_, surface) in enumerate(self.variants):
-            made = TrainingSet(
-                points,
-                velocity,
-                weights,
-                self._tensor(self._line(surface)),
-                self._tensor(_pressure_on(surface, self.scales, self.level)),
-                lower=points.amin(0),
-                upper=points.amax(0),
-                between=between,
-                strip=between[:0],
-                equation_weights=torch.ones_like(between[:, 0]),
-                wall_points=points[:0],
-                wall_velocity=velocity[:0],
-            )
-            if self.own[k] and not (own := np.concatenate(self.own[k])).all():
-                of_velocity, physics = (weights * torch.as_tensor(own)[:, None]).unbind(1)
-                both = torch.stack([of_velocity / of_velocity.mean(), physics], 1)
-                made = replace(made, point_weights=both)
-            if self.inside[k]:
-                inside = torch.as_tensor(np.concatenate(self.inside[k])).to(self.dtype)
-                made = replace(made, equation_weights=inside)
-            sets.append(made)
-        for name, values in sets[0].arrays().items():
-            if not torch.isfinite(values).all():
-                raise FlowFileError(
-                    f"{name.replace('_', ' ')} must be finite as {self.dtype} in dimensionless "
-                    "units, got an overflow: check the units and the values of the flow"
-                )
-        return [_with_even_weights(made) for made in self._with_strips(sets)]
-
-    def _with_strips(self, sets: list[TrainingSet]) -> list[TrainingSet]:
-        """The sets with the same points in their strips under the surface, which stand for its
-        area; those of the frames that were left out count too."""
-        if not self.strips[0]:
-            return sets
-        share = self.part * int(1 / self.part)
-        strips = [Strip(*map(np.concatenate, zip(*parts, strict=True))) for parts in self.strips]
-        areas = [share * strip.area for strip in strips]
-        drawn = draw(np.mean(areas, axis=0), len(sets[0].between), len(sets[0].points))
-        if drawn is None:
-            return sets
-        mean, (place, part, weight) = np.mean(areas, axis=0).clip(1e-12), drawn
-        made = []
-        for own, strip, area in zip(sets, strips, areas, strict=True):
-            of_strip = self._tensor(weight * (area / mean)[place])
-            weights = torch.cat([own.equation_weights, of_strip])
-            points = self._tensor(strip.points(place, part))
-            made.append(replace(own, strip=points, equation_weights=weights))
-        return made
-
-    def _line(self, surface: Surface) -> Float64:
-        return placed(surface.x, surface.y, surface.t, self.flow, self.scales)
-
-    def _tensor(self, values: Float64) -> torch.Tensor:
-        return torch.as_tensor(values).to(self.dtype)
-
-
-def _samples(
-    flow: Flow, frames: slice, part: float
-) -> tuple[Particles, tuple[Index, ...] | None] | None:
-    """A random part of the vectors after the start of a slab, in the units of the file and the
-    order (t, y, x), and on a grid their cells; None if there are none.
+def _vectors(flow: Flow, frames: slice) -> tuple[Particles, tuple[Index, ...] | None]:
+    """The vectors after the start of a slab, in the units of the file and the order (t, y, x), and
+    on a grid their cells.
 
     A uniform standard deviation does not change the weights and is left out.
     """
@@ -412,21 +314,59 @@ def _samples(
     if particles is not None:
         kept = flow.after_start(particles.t)
         some = {name: None if a is None else a[kept] for name, a in vars(particles).items()}
-        return (Particles(**some), None) if kept.any() else None  # type: ignore[arg-type]
+        return Particles(**some), None  # type: ignore[arg-type]
     k = slice(0, frames.stop - frames.start)
-    kept = flow.valid_in(k) & flow.after_start(flow.t[k])[:, None, None]
-    there = np.flatnonzero(kept)
-    if there.size == 0:
-        return None
-    wanted = min(there.size, math.ceil(part * there.size))
-    if wanted < there.size:
-        rng = np.random.Generator(np.random.Philox(key=_KEY + frames.start))
-        there = np.sort(rng.choice(there, wanted, replace=False, shuffle=False))
-    frame, row, column = cells = np.unravel_index(there, kept.shape)
+    there = flow.valid_in(k) & flow.after_start(flow.t[k])[:, None, None]
+    frame, row, column = cells = np.nonzero(there)
     varies = isinstance(flow.sigma_u, np.ndarray) or isinstance(flow.sigma_v, np.ndarray)
     names = ("u", "v", "sigma_u", "sigma_v") if varies else ("u", "v")
     fields = {n: np.broadcast_to(getattr(flow, n), flow.c.shape)[cells] for n in names}
     return Particles(t=flow.t[frame], y=flow.y[row], x=flow.x[column], **fields), cells
+
+
+def _set_of(shared: _Slab, k: int, line: Float64, pressure: Float64) -> TrainingSet:
+    """The set of variant k without points in strips and on walls."""
+    points, velocity, between, variances, own, inside = shared
+    weights = torch.ones_like(velocity)
+    if len(variances):
+        weights[:, 0] = torch.as_tensor(velocity_weights(variances.numpy()))
+    if not own[:, k].all():
+        of_velocity, physics = (weights * own[:, k, None]).unbind(1)
+        weights = torch.stack([of_velocity / of_velocity.mean(), physics], 1)
+    return TrainingSet(
+        points,
+        velocity,
+        weights,
+        torch.as_tensor(line).to(points),
+        torch.as_tensor(pressure).to(points),
+        lower=points.amin(0),
+        upper=points.amax(0),
+        between=between,
+        strip=between[:0],
+        equation_weights=inside[:, k].to(points),
+        wall_points=points[:0],
+        wall_velocity=velocity[:0],
+    )
+
+
+def _with_strips(sets: list[TrainingSet], flow: Flow, scales: Scales) -> list[TrainingSet]:
+    """The sets with the same points in their strips under the surface, which stand for its area."""
+    strips = []
+    for made in sets:
+        own = made.points[made.point_weights[:, 0] > 0]
+        places = own.double().numpy(), made.surface_points.double().numpy()
+        strips.append(strip_of(*places, flow, scales))
+    found = drawn(strips, len(sets[0].between), len(sets[0].points))
+    return [
+        replace(
+            made,
+            strip=torch.as_tensor(points).to(made.points),
+            equation_weights=torch.cat(
+                [made.equation_weights, torch.as_tensor(weights).to(made.points)]
+            ),
+        )
+        for made, (points, weights) in zip(sets, found, strict=True)
+    ]
 
 
 def _with_even_weights(made: TrainingSet) -> TrainingSet:
@@ -441,50 +381,39 @@ def _with_even_weights(made: TrainingSet) -> TrainingSet:
 
 
 def _with_walls(
-    sets: list[TrainingSet], flow: Flow, scales: Scales, part: float
+    sets: list[TrainingSet], flow: Flow, scales: Scales, walled: TrainingSet | None
 ) -> list[TrainingSet]:
     """The sets with the velocities, and the known pressures, on the walls of a flow.
 
     Warns of conditions that the vectors contradict.
     """
-    every = int(1 / part)
-    found = walls_of(flow, (own for _, own in filled_slabs(flow, _frames(flow, part))))
-    if found is None:
+    if walled is not None:
+        M = len(sets[0].surface_points)
+        at, moves = walled.wall_points, walled.wall_velocity
+        loaded, load = walled.surface_points[M:], walled.surface_pressure[M:]
+    elif (found := walls_of(flow)) is None:
         return sets
-    touch, facts = found
-    warn_of_contradictions(facts)
-    x, y, t = touch.point.T
-    points = placed(x, y, t, flow, scales)
-    velocity = turned_and_rounded(scales.to_dimensionless(touch.target, "velocity"), axes_of(flow))
-    pressure = scales.to_dimensionless(touch.p, "pressure")
-    used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
-    rng = np.random.Generator(np.random.Philox(key=_KEY - 1))
-
-    def some(share: float, *rows: Any) -> Any:
-        if share == 1:
-            return rows
-        n = len(rows[0])
-        kept = rng.choice(n, round(share * n), replace=False, shuffle=False)
-        return [a[kept] for a in rows]
-
-    on_line: Index = np.arange(len(sets[0].surface_points))
-    if known.any():  # as many points of the line for each of them as in all frames
-        (on_line,) = some(1 / every, on_line)
-    points_used, velocity = some(part * every, points[used], velocity[used])
-    walled = []
-    for made in sets:
-        like, line = made.points, torch.as_tensor(on_line)
-        pressed = [torch.as_tensor(a[known]).to(like) for a in (points, pressure)]
-        walled.append(
-            replace(
-                made,
-                wall_points=torch.as_tensor(points_used).to(like),
-                wall_velocity=torch.as_tensor(velocity).to(like),
-                surface_points=torch.cat([made.surface_points[line], pressed[0]]),
-                surface_pressure=torch.cat([made.surface_pressure[line], pressed[1]]),
-            )
+    else:
+        touch, facts = found
+        warn_of_contradictions(facts)
+        (x, y, t), (u, v) = touch.point.T, touch.target.T
+        points, velocity = placed(x, y, t, flow, scales), moving(u, v, flow, scales)
+        pressure = scales.to_dimensionless(touch.p, "pressure")
+        used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
+        at, moves, loaded, load = (
+            torch.as_tensor(a).to(sets[0].points)
+            for a in (points[used], velocity[used], points[known], pressure[known])
         )
-    return walled
+    return [
+        replace(
+            made,
+            wall_points=at,
+            wall_velocity=moves,
+            surface_points=torch.cat([made.surface_points, loaded]),
+            surface_pressure=torch.cat([made.surface_pressure, load]),
+        )
+        for made in sets
+    ]
 
 
 def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor | None:

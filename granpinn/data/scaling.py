@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from granpinn.arrays import Float64
+from granpinn.arrays import Float64, Floats
 from granpinn.data.flow import WALL_GAP, Flow, FlowFileError
 from granpinn.data.symmetry import axes_of
 from granpinn.physics.axes import Axes
@@ -64,6 +64,12 @@ def origin_of(values: Float64) -> float:
 def placed(x: Float64, y: Float64, t: Float64, flow: Flow, scales: Scales) -> Float64:
     """Points in the units of the file [n] as (x, y, t) of the training [n, 3]."""
     return turned_and_rounded(scales.points_to_dimensionless(x, y, t), axes_of(flow))
+
+
+def moving(u: Floats, v: Floats, flow: Flow, scales: Scales) -> Float64:
+    """Velocities in the units of the file [n] as (u, v) of the training [n, 2]."""
+    velocity = scales.to_dimensionless(np.stack([u, v], -1, dtype=np.float64), "velocity")
+    return turned_and_rounded(velocity, axes_of(flow))
 
 
 def turned_and_rounded(values: Float64, axes: Axes) -> Float64:

@@ -25,7 +25,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from granpinn.arrays import Bool, Float64, Floats, Index
+from granpinn.arrays import Bool, Float64, Floats, Index, nearest
 from granpinn.data.flow import SOLVER_CELL, SURFACE_SD, Flow, Surface
 from granpinn.physics.axes import vertical_coordinate
 
@@ -59,7 +59,7 @@ def folded(t: Float64, x: Float64, line: Surface) -> Bool:
     limit = STEEP * float(np.median(np.diff(x)))
     point, edges = _by_frame(t, line.t)
     frame = np.repeat(np.arange(len(t)), np.diff(edges))
-    column = np.searchsorted((x[1:] + x[:-1]) / 2, line.x[point])
+    column = nearest(x, line.x[point])
     low, high = np.full((len(t), len(x)), np.inf), np.full((len(t), len(x)), -np.inf)
     np.minimum.at(low, (frame, column), line.y[point])
     np.maximum.at(high, (frame, column), line.y[point])
@@ -76,22 +76,22 @@ def points_of(t: Float64, line_t: Float64) -> Iterator[tuple[int, Index]]:
 
 def _by_frame(t: Float64, line_t: Float64) -> tuple[Index, Index]:
     """The points of all lines, frame by frame, and where the frames begin among them [T + 1]."""
-    frame = np.searchsorted((t[1:] + t[:-1]) / 2, line_t)
+    frame = nearest(t, line_t)
     gap = np.abs(line_t - t[frame])
     order = np.lexsort((gap, frame))
-    nearest = np.full(len(t), np.nan)
+    closest = np.full(len(t), np.nan)
     first = order[np.unique(frame[order], return_index=True)[1]]
-    nearest[frame[first]] = line_t[first]
-    same = np.abs(line_t - nearest[frame]) <= SAME_TIME * np.abs(nearest[frame])
+    closest[frame[first]] = line_t[first]
+    same = np.abs(line_t - closest[frame]) <= SAME_TIME * np.abs(closest[frame])
     point = np.flatnonzero(same)
     point = point[np.argsort(frame[point], kind="stable")]
     return point, np.searchsorted(frame[point], np.arange(len(t) + 1))
 
 
-def moved(flow: Flow, surface: Surface, offset: float) -> Surface:
-    """Points of the free surface of a flow, moved outwards by `offset`, in the unit of length."""
+def moved(flow: Flow, surface: Surface, *offsets: float) -> list[Surface]:
+    """Points of the surface of a flow, moved outwards by each offset, in the unit of length."""
     n_x, n_y = outward_normals(flow, surface).T
-    return replace(surface, x=surface.x + offset * n_x, y=surface.y + offset * n_y)
+    return [replace(surface, x=surface.x + a * n_x, y=surface.y + a * n_y) for a in offsets]
 
 
 def outward_normals(flow: Flow, surface: Surface) -> Float64:
@@ -100,8 +100,9 @@ def outward_normals(flow: Flow, surface: Surface) -> Float64:
     line = np.stack([surface.x, surface.y], -1)
     found = np.empty(line.shape)
     frames, vectors = _vectors(flow)
-    for t in np.unique(surface.t):
-        now = surface.t == t
+    order = np.argsort(surface.t, kind="stable")
+    times, first = np.unique(surface.t[order], return_index=True)
+    for t, now in zip(times, np.split(order, first[1:]), strict=True):
         points = line[now]
         normals = _normals(points, up)
         grains = vectors[int(np.argmin(np.abs(frames - t)))]
@@ -166,8 +167,7 @@ def from_fraction(flow: Flow, surface: Surface) -> float:
     h = spacing(flow)
     normals = outward_normals(flow, surface)
     across = np.arange(-REACH, REACH + STEP / 2, STEP)
-    frame = _frames(flow, surface)
-    profile = np.array([_c_at(flow, frame, surface, a * h * normals).mean() for a in across])
+    profile = np.array([_c_at(flow, surface, a * h * normals).mean() for a in across])
     falling = np.minimum.accumulate(profile)
     return abs(float(np.interp(HALF, falling[::-1], across[::-1]))) * h
 
@@ -180,23 +180,16 @@ def spacing(flow: Flow) -> float:
 
 def _share_of_fractions(flow: Flow, surface: Surface) -> float:
     """Share of the points of the line whose nearest cell is filled in part."""
-    nowhere = np.zeros((surface.t.size, 2))
-    c = _c_at(flow, _frames(flow, surface), surface, nowhere, order=0)
+    c = _c_at(flow, surface, np.zeros((surface.t.size, 2)), order=0)
     return float(np.mean((c > 0) & (c < 1)))
 
 
-def _frames(flow: Flow, surface: Surface) -> Index:
-    """The frame nearest to each point of the line [n]."""
-    times, place = np.unique(surface.t, return_inverse=True)
-    return np.asarray(np.abs(flow.t - times[:, None]).argmin(axis=1)[place])
-
-
-def _c_at(flow: Flow, frame: Index, surface: Surface, shift: Float64, order: int = 1) -> Floats:
+def _c_at(flow: Flow, surface: Surface, shift: Float64, order: int = 1) -> Floats:
     """c at the points of the line after a shift [n, 2]; order 1: linear, 0: of the nearest cell."""
     from scipy.ndimage import map_coordinates  # slow to import
 
     row = np.interp(surface.y + shift[:, 1], flow.y, np.arange(flow.y.size))
     column = np.interp(surface.x + shift[:, 0], flow.x, np.arange(flow.x.size))
-    places = np.stack([frame, row, column])
+    places = np.stack([nearest(flow.t, surface.t), row, column])
     found: Floats = map_coordinates(flow.c, places, order=order, mode="nearest")
     return found

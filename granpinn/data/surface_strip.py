@@ -7,12 +7,13 @@ zero at the line but rises too little below it: the weight of the strip is missi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from granpinn.arrays import Bool, Float64, Index
+from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Flow
 from granpinn.data.scaling import RESOLUTION
 from granpinn.data.surface import SAME_TIME, points_of
@@ -47,18 +48,6 @@ class Strip(NamedTuple):
     nearest: Float64
     area: Float64
 
-    def points(self, place: Index, part: Float64) -> Float64:
-        """Points (x, y, t) [count, 3]; on the surface where the strip has no area.
-
-        Args:
-            place: point of the surface of each [count].
-            part: of the way from the vectors to it [count, 1].
-        """
-        found = self.surface[place]  # a copy
-        nearest = np.where(self.area[place, None] > 0, self.nearest[place], found[:, :2])
-        found[:, :2] = nearest + part * (found[:, :2] - nearest)
-        return np.asarray(np.rint(found / RESOLUTION) * RESOLUTION)
-
 
 def strip_of(points: Float64, surface: Float64, flow: Flow, scales: Scales) -> Strip:
     """The strip between vectors and a surface, (x, y, t) of the training [N, 3] and [M, 3].
@@ -80,23 +69,33 @@ def strip_of(points: Float64, surface: Float64, flow: Flow, scales: Scales) -> S
     return Strip(surface, nearest, depth * np.minimum(width, thickest) / (dx * dy))
 
 
-def draw(area: Float64, between: int, vectors: int) -> tuple[Index, Float64, float] | None:
-    """Points that are uniform over a strip; None without any.
+def drawn(strips: Sequence[Strip], between: int, vectors: int) -> list[tuple[Float64, Float64]]:
+    """Points (x, y, t) [S, 3] of strips, uniform over their mean, and the weight of the equations
+    at each [S].
+
+    A point lies on the same part of the way from a vector to a point of the surface in all strips;
+    on the surface where a strip has no area.
 
     Args:
-        area: of the strip at each point of the surface [M].
         between, vectors: numbers of points between the vectors, and of vectors.
-
-    Returns:
-        As in `Strip.points`: `place` and `part`; and the weight of the equations at each point.
     """
-    weight = DENSITY * between / vectors * float(area.sum())
+    areas = [strip.area for strip in strips]
+    mean = np.mean(areas, axis=0)
+    weight = DENSITY * between / vectors * float(mean.sum())
     count = round(min(FINER * weight, LARGEST_PART * (between + vectors)))
-    if count == 0:
-        return None
     rng = np.random.Generator(np.random.Philox(key=_KEY))
-    place = rng.choice(len(area), size=count, p=area / area.sum())
-    return place, rng.random((count, 1)), weight / count
+    place = (
+        rng.choice(len(mean), size=count, p=mean / mean.sum()) if count else np.empty(0, np.intp)
+    )
+    part = rng.random((count, 1))
+    found = []
+    for strip in strips:
+        points = strip.surface[place]  # a copy
+        nearest = np.where(strip.area[place, None] > 0, strip.nearest[place], points[:, :2])
+        points[:, :2] = nearest + part * (points[:, :2] - nearest)
+        points = np.rint(points / RESOLUTION) * RESOLUTION
+        found.append((points, weight / max(count, 1) * (strip.area / mean.clip(1e-12))[place]))
+    return found
 
 
 def _below(
@@ -108,19 +107,19 @@ def _below(
     vectors, or where all are farther away.
 
     Args:
-        points, surface: (x, y, t) of the vectors [N, 3] and of the surface [M, 3].
+        points, surface: (x, y, t) of the vectors [N, 3], in the order of t, and of the surface
+            [M, 3].
         steady: the time of a vector does not matter.
     """
     nearest, width = np.full((len(surface), 2), np.nan), np.zeros(len(surface))
-    times, frame = np.unique(points[:, 2], return_inverse=True)
-    order = np.argsort(frame, kind="stable")
-    ends = np.searchsorted(frame[order], np.arange(len(times) + 1))
+    times, first = np.unique(points[:, 2], return_index=True)
+    ends = [*first, len(points)]
     for k, here in points_of(np.unique(surface[:, 2]) if steady else times, surface[:, 2]):
         t = float(surface[here[0], 2])
         if not steady and abs(times[k] - t) > SAME_TIME * max(abs(t), 1.0):
             continue
         now = slice(None) if steady else slice(ends[k], ends[k + 1])
-        vectors = points[order[now], :2]
+        vectors = points[now, :2]
         distance, index = cKDTree(vectors).query(surface[here, :2], distance_upper_bound=farthest)
         found = np.isfinite(distance)
         nearest[here[found]] = vectors[index[found]]

@@ -13,15 +13,16 @@ warning.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow, FlowFileWarning
+from granpinn.data.partial_cells import filled_slabs
 from granpinn.data.walls import Segments, crossed, grid_spacing, samples, segments_of
 from granpinn.physics.terms import TERMS
 
@@ -29,6 +30,8 @@ REACH = 1.5  # spacings from a wall to the nearest vector of grains that touch i
 NEAR, NEAREST = 24, 12  # vectors of a fit, and of the one that shows its error
 WIDE = 4.0  # spacings to the farthest vector of a fit
 FEWEST = 6  # vectors of a fit
+AT_ONCE = 16  # frames
+TINY = np.finfo(float).tiny
 SURE = 3.0  # standard errors
 TOLERANCE = TERMS[0].sigma  # of the rms speed: less is nothing to a training
 PLACE = 0.25  # spacings by which the place of a wall may be wrong
@@ -60,38 +63,41 @@ class Touch(NamedTuple):
     target: Float64
 
 
-def touch_of(flows: Iterable[Flow], segments: Segments) -> Touch:
-    """The points of walls that grains touch, at the times of the frames of flows."""
-    parts = [
-        _touch_in(flow, int(k), segments.at(float(flow.t[k])), grid_spacing(flow))
-        for flow in flows
-        for k in np.flatnonzero(flow.after_start(flow.t))
-    ]
+def _touch(whole: Flow, segments: Segments) -> Touch:
+    """The points of walls that grains touch, at the times of all frames."""
+    parts = []
+    for _, flow in filled_slabs(whole):
+        frames = np.flatnonzero(flow.after_start(flow.t))
+        for k, there in segments.spells(flow.t[frames]):
+            blocks = np.split(frames[k], range(AT_ONCE, k.size, AT_ONCE))
+            parts += [_touch_in(flow, block, there, grid_spacing(flow)) for block in blocks]
     return Touch(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def _touch_in(flow: Flow, frame: int, segments: Segments, spacing: float) -> Touch:
-    rows, columns = np.nonzero(flow.valid[frame])
-    place = np.stack([flow.x[columns], flow.y[rows]], 1)
-    vectors = np.stack([a[frame][rows, columns] for a in (flow.u, flow.v)], 1).astype(np.float64)
+def _touch_in(flow: Flow, frames: Index, segments: Segments, spacing: float) -> Touch:
+    """The points at some frames, at which the same segments are there."""
     k, part = samples(segments, spacing)
-    point = _between(segments.ends[k], part)
-    count = min(NEAR, len(place))
-    distance, nearest = cKDTree(place).query(point, k=np.arange(1, count + 1))
-    wet = distance[:, 0] <= REACH * spacing
-    wet[wet] = ~crossed(point[wet], place[nearest[wet, 0]], segments)
-    k, part, point, distance, nearest = (a[wet] for a in (k, part, point, distance, nearest))
+    every = _between(segments.ends[k], part)
+    rows = [_neighbors(flow, frame, every, REACH * spacing) for frame in frames]
+    wet, t, step, vectors, distance, speed = map(np.concatenate, zip(*rows, strict=True))
+    seen = ~crossed(every[wet], every[wet] + step[:, 0], segments)
+    wet, t, step, vectors, distance, speed = (
+        a[seen] for a in (wet, t, step, vectors, distance, speed)
+    )
+    k, part, point = k[wet], part[wet], every[wet]
     normal = _between(segments.normal[k], part)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    step = place[nearest] - point[:, None]  # [n, count, 2]
     side = np.einsum("nkc,nc->nk", step, normal)
     near = (side * side[:, :1] > 0) & (distance <= WIDE * spacing)
-    of_grains, slope, error = _fit(step, vectors[nearest], near)
+    frame, farthest = np.unique(t, return_inverse=True)[1], np.full(len(frames), TINY)
+    np.maximum.at(farthest, frame, np.abs(step).max(axis=(1, 2)))
+    scale = farthest[frame]
+    of_grains, slope, error = _fit(step, vectors, near, scale)
     closer = near.copy()
     closer[:, NEAREST:] = False
-    other, _, _ = _fit(step, vectors[nearest], closer)
+    other, _, _ = _fit(step, vectors, closer, scale)
     change = np.abs(np.einsum("nic,ni->nc", slope, normal)) * (PLACE * spacing)
-    least = TOLERANCE * float(np.sqrt(np.mean(np.square(vectors).sum(axis=1))))
+    least = TOLERANCE * speed[:, None]
     error = np.sqrt((SURE * error) ** 2 + (of_grains - other) ** 2 + change**2 + least**2)
     velocity, stated = _between(segments.velocity[k], part), segments.sticks[k]
     unknown, off = ~np.isfinite(of_grains).all(axis=1), of_grains - velocity
@@ -105,7 +111,7 @@ def _touch_in(flow: Flow, frame: int, segments: Segments, spacing: float) -> Tou
     through = np.sum(off * normal, axis=1)[:, None] * normal
     target = np.where(sticks[:, None], velocity, of_grains - through)
     return Touch(
-        point=np.column_stack([point, np.full(len(k), flow.t[frame])]),
+        point=np.column_stack([point, t]),
         wall=segments.wall[k],
         normal=normal,
         stated=stated,
@@ -116,22 +122,40 @@ def _touch_in(flow: Flow, frame: int, segments: Segments, spacing: float) -> Tou
     )
 
 
+def _neighbors(flow: Flow, frame: int, point: Float64, reach: float) -> tuple[Any, ...]:
+    """The points [n, 2] with a vector within reach in a frame: their numbers and times [w], steps
+    to their `NEAR` nearest vectors [w, NEAR, 2], these vectors, their distances [w, NEAR], infinite
+    where there are fewer, and the rms speed of the frame [w]."""
+    rows, columns = np.nonzero(flow.valid_in(frame))
+    place = np.stack([flow.x[columns], flow.y[rows]], 1)
+    vectors = np.stack([a[frame][rows, columns] for a in (flow.u, flow.v)], 1).astype(np.float64)
+    distance, nearest = cKDTree(place).query(point, k=NEAR)
+    wet = np.flatnonzero(distance[:, 0] <= reach)
+    nearest = np.minimum(nearest[wet], len(place) - 1)
+    speed = np.sqrt(np.mean(np.square(vectors).sum(axis=1)))
+    t, speeds = (np.full(wet.size, value) for value in (flow.t[frame], speed))
+    return wet, t, place[nearest] - point[wet, None], vectors[nearest], distance[wet], speeds
+
+
 def _between(ends: Float64, part: Float64) -> Float64:
     """Values at places between the two ends of segments, [n, 2, ...] and [n]."""
     part = part.reshape(-1, *([1] * (ends.ndim - 2)))
     return np.asarray((1 - part) * ends[:, 0] + part * ends[:, 1])
 
 
-def _fit(step: Float64, vectors: Float64, near: Bool) -> tuple[Float64, Float64, Float64]:
+def _fit(
+    step: Float64, vectors: Float64, near: Bool, scale: Float64
+) -> tuple[Float64, Float64, Float64]:
     """Planes through vectors: value and its standard error at step 0 [n, 2], slopes [n, 2, 2].
 
     Args:
         step: from the point to its vectors [n, k, 2].
         vectors: [n, k, 2].
         near: which of them count [n, k].
+        scale: size of the steps [n]; it decides which directions the vectors fix.
     """
+    scale = scale[:, None, None]
     one = np.ones((*near.shape, 1))
-    scale = max(float(np.abs(step).max(initial=0.0)), np.finfo(float).tiny)
     X = np.concatenate([one, step / scale], axis=2) * near[..., None]
     Y = np.where(near[..., None], vectors, 0.0)
     inverse = np.linalg.pinv(X.swapaxes(1, 2) @ X, rcond=1e-9, hermitian=True)
@@ -176,18 +200,12 @@ MOST_WARNINGS = 8
 LEAST_AGREEMENT = 0.9  # of the points of a wall, below which a condition is warned of
 
 
-def walls_of(
-    flow: Flow, parts: Iterable[Flow] | None = None
-) -> tuple[Touch, list[WallFacts]] | None:
-    """Points and facts of the walls of a flow; None if it states no walls.
-
-    Args:
-        parts: flows of its frames that count, one after another; by default the flow.
-    """
+def walls_of(flow: Flow) -> tuple[Touch, list[WallFacts]] | None:
+    """Points and facts of the walls of a flow; None if it states no walls."""
     if flow.walls is None:
         return None
     segments = segments_of(flow.walls)
-    touch, names = touch_of([flow] if parts is None else parts, segments), segments.names()
+    touch, names = _touch(flow, segments), segments.names()
     points = np.bincount(touch.wall, minlength=len(names))
 
     def mean(values: Bool | Float64, known: Bool) -> Float64:

@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 from scipy.spatial import cKDTree
 
-from granpinn.arrays import Bool, Float64, Index
+from granpinn.arrays import Bool, Float64, Index, nearest
 from granpinn.data.flow import Flow, Walls
 
 SMOOTH = 0.85  # cosine of the largest turn between segments of a curved wall
@@ -46,13 +46,16 @@ class Segments:
         """The segments that `k` [K] chooses."""
         return Segments(**{name: values[k] for name, values in vars(self).items()})
 
-    def at(self, time: float) -> Segments:
-        """The segments that are there at a time: of those with a time, those of the nearest."""
-        known = self.t[np.isfinite(self.t)]
-        if known.size == 0:
-            return self
-        nearest = known[np.argmin(np.abs(known - time))]
-        return self.some(np.isnan(self.t) | (self.t == nearest))
+    def spells(self, t: Float64) -> Iterator[tuple[Index, Segments]]:
+        """The numbers of the times t [n] at which the same segments are there, and these.
+
+        Of the segments with a time, those of the nearest time are there.
+        """
+        known = np.unique(self.t[np.isfinite(self.t)])
+        spell = nearest(known, t)
+        for k in np.unique(spell):
+            there = np.isnan(self.t) | np.isin(self.t, known[k : k + 1])
+            yield np.flatnonzero(spell == k), self.some(there)
 
     @property
     def length(self) -> Float64:
@@ -209,10 +212,10 @@ def parted(start: Float64, end: Float64, t: Float64, segments: Segments) -> Bool
     A path without an end (NaN) crosses none.
     """
     found = np.zeros(len(start), bool)
-    known = np.isfinite(end).all(axis=1)
-    for time in np.unique(t[known]):
-        k = np.flatnonzero(known & (t == time))
-        found[k] = crossed(start[k], end[k], segments.at(float(time)))
+    known = np.asarray(np.isfinite(end).all(axis=1))
+    for k, there in segments.spells(t):
+        k = k[known[k]]
+        found[k] = crossed(start[k], end[k], there)
     return found
 
 

@@ -18,7 +18,6 @@ import numpy as np
 from scipy.ndimage import correlate1d
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.estimates.fits import shear_rate
 from granpinn.estimates.view import BETWEEN_RUNS, View
 
 LARGEST_HALF_WIDTH = BETWEEN_RUNS  # of a window in cells, the same in t, y and x
@@ -150,3 +149,12 @@ def _solved(matrix: Float64, right: Float64) -> tuple[Bool, Float64, Float64]:
     solvable = eigenvalues[:, 0] > LEAST_RANK * eigenvalues[:, -1]
     inverse = np.linalg.inv(matrix[solvable])
     return solvable, inverse @ right[solvable], np.diagonal(inverse, axis1=1, axis2=2)
+
+
+def shear_rate(u_x: Float64, u_y: Float64, v_x: Float64, v_y: Float64, bias: Float64) -> Float64:
+    r"""$\dot\gamma$, with $\dot\gamma^2 = (u_x - v_y)^2 + (u_y + v_x)^2$ less its bias, at least 0.
+
+    Args:
+        bias: mean contribution of the noise to the square, of the shape of the slopes.
+    """
+    return np.asarray(np.sqrt(np.maximum((u_x - v_y) ** 2 + (u_y + v_x) ** 2 - bias, 0.0)))

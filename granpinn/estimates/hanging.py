@@ -35,7 +35,8 @@ def hanging(flow: Flow, pose: Upright) -> str | None:
         return None
     names, walls = segments_of(flow.walls).names(), segments_of(pose.flow.walls)
     frame = int(np.argmax(np.isfinite(pose.height).sum(axis=1)))
-    share, pair = _shares(pose, frame, walls.at(float(flow.t[frame])))
+    ((_, there),) = walls.spells(flow.t[frame : frame + 1])
+    share, pair = _shares(pose, frame, there)
     if share.size == 0 or np.percentile(share, DEEP) <= LARGEST_SHARE:
         return None
     left, right = (names[wall] for wall in pair[int(np.argmax(share))])

@@ -29,7 +29,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Float64, Index
-from granpinn.estimates.fits import quadratic_basis
+from granpinn.estimates.quadratic_fits import quadratic_basis
 from granpinn.estimates.robust import FEWEST, LEAST_CORRELATION, NORMAL, correlation, signs_of
 
 NEIGHBORS = 24  # of a prediction, which has 10 coefficients

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import correlate1d
 
 from granpinn.arrays import Bool, Float64
-from granpinn.estimates.fits import quadratic_basis
 
 ENOUGH = 1.5  # cells in a window per coefficient; fewer give no value
 AT_ONCE = 8192  # windows that are copied at a time
@@ -78,6 +78,16 @@ def smooth(
         ]
         made.append(Smooth(f[0], *slopes))
     return made
+
+
+def quadratic_basis(offsets: Sequence[Float64]) -> Float64:
+    """1, the offsets from the middle along every axis, and their products in pairs [..., n].
+
+    Args:
+        offsets: along one axis each, all of one shape [...].
+    """
+    products = [a * b for a, b in combinations_with_replacement(offsets, 2)]
+    return np.stack([np.ones_like(offsets[0]), *offsets, *products], axis=-1)
 
 
 def line_slopes(values: Float64, window: int, spacing: float) -> Float64:

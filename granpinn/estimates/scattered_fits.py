@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granpinn.arrays import Float64, Index
+from granpinn.arrays import Float64, Index, nearest
 from granpinn.data.flow import Particles
-from granpinn.estimates.fits import quadratic_basis, shear_rate
+from granpinn.estimates.gradients import shear_rate
 from granpinn.estimates.noise import Noise
+from granpinn.estimates.quadratic_fits import quadratic_basis
 from granpinn.estimates.view import View
 from granpinn.physics.scales import Scales
 
@@ -92,10 +93,9 @@ def particle_fits(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) ->
 
 def particle_noise_map(fits: ParticleFits, x: Float64, y: Float64, view: View) -> Float64:
     """Noise of every cell of a view [Y, X], from scattered vectors at x, y [N]; NaN where none."""
-    rows = np.searchsorted((view.y[1:] + view.y[:-1]) / 2, y[fits.where])
-    columns = np.searchsorted((view.x[1:] + view.x[:-1]) / 2, x[fits.where])
+    cell = nearest(view.y, y[fits.where]), nearest(view.x, x[fits.where])
     shape = view.count.shape[1:]
-    place = np.ravel_multi_index((rows, columns), shape)
+    place = np.ravel_multi_index(cell, shape)
     n = np.bincount(place, minlength=shape[0] * shape[1])
     sums = np.bincount(place, weights=fits.local**2, minlength=n.size)
     mean = np.sqrt(np.divide(sums, n, out=np.full(n.size, np.nan), where=n > 0))

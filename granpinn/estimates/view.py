@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float32, Float64
+from granpinn.arrays import Bool, Float32, Float64, nearest
 from granpinn.data import Flow
 from granpinn.data.scaling import equation_constants
 from granpinn.physics.scales import Scales
@@ -106,7 +106,7 @@ def _counts(flow: Flow) -> Float64:
     """Particles in each cell of the view [T, Y, X]."""
     assert flow.particles is not None
     place = [
-        np.searchsorted((axis[1:] + axis[:-1]) / 2, values)
+        nearest(axis, values)
         for axis, values in (
             (flow.t, flow.particles.t),
             (flow.y, flow.particles.y),

@@ -23,6 +23,7 @@ STYLE = {
     "font.size": 9.5,
     "axes.titlesize": 10,
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # no axis has ticks at its top, for which matplotlib would look each time
     "axes.labelsize": 10,
     "axes.linewidth": 0.7,
     "axes.spines.top": False,

@@ -35,16 +35,15 @@ def surface(case: Case) -> Assumption | None:
     line = "outline" if level == "V0" else "surface line"
 
     def pair() -> tuple[Member, Member]:
-        variants = []
-        for offset in (-sd, sd):
-            seen = case.seen
-            if level != "V0" and seen.surface:  # the line decides which partly filled cells count
-                stated = dataclasses.replace(seen, c=case.stated.c)
-                offsets = moved(stated, seen.surface, offset)
-                filled = with_partial_cells(dataclasses.replace(stated, surface=offsets))
-                seen = dataclasses.replace(case.seen, c=filled.c)
-            variants.append((seen, moved(case.seen, given, offset)))
-        lower, upper = with_variants(case, variants)
+        seen = case.seen
+        flows = [seen, seen]
+        if level != "V0" and seen.surface:  # the line decides which partly filled cells count
+            stated = dataclasses.replace(seen, c=case.stated.c)
+            for k, higher in enumerate(moved(stated, seen.surface, -sd, sd)):
+                filled = with_partial_cells(dataclasses.replace(stated, surface=higher))
+                flows[k] = dataclasses.replace(seen, c=filled.c)
+        surfaces = moved(seen, given, -sd, sd)
+        lower, upper = with_variants(case, list(zip(flows, surfaces, strict=True)))
         return lower, upper
 
     unit, grain = case.flow.length_unit, case.flow.grain_diameter

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -116,11 +117,11 @@ class Case:
         """What of a large flow is used for what, or that a flow is a mean, in words."""
         if self.whole is None:
             return said(self.flow)
-        runs = len(self.seen.starts)
+        runs, points = len(self.seen.starts), self.member.data.points
         return (
-            f"large flow: {len(self.member.data.points):,} vectors of all {self.whole.t.size} "
-            f"frames train; noise, symmetries and momentum balance are those of "
-            f"{self.seen.t.size} frames in {runs} runs; fields, figures and errors are those of "
+            f"large flow: {len(points):,} vectors of {np.unique(points[:, 2]).size} of "
+            f"{self.whole.t.size} frames train; noise, symmetries and momentum balance are those "
+            f"of {self.seen.t.size} frames in {runs} runs; fields, figures and errors are those of "
             f"{self.flow.t.size} frames"
         )
 
@@ -259,7 +260,8 @@ def fixed_values(config: Config, facts: Facts) -> dict[str, float]:
 
 def with_variants(case: Case, variants: Sequence[tuple[Flow, Surface]]) -> list[Member]:
     """The member of a case with the data of variants of its flow (`training_sets`)."""
-    sets = training_sets(variants, case.seen, case.scales, *of_points(case.config))
+    walled = case.member.data if case.whole is None else None
+    sets = training_sets(variants, case.seen, case.scales, *of_points(case.config), walled)
     return [dataclasses.replace(case.member, data=data) for data in sets]
 
 

@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-LEVEL = 4  # of gzip, as h5py chooses it
+LEVEL = 2  # of gzip: 2 % larger than at 4, the usual one, in 60 % of the time
 PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": LEVEL, "shuffle": True}
 MOST = 8  # threads: HDF5 stores the chunks of no more
 AHEAD = 4  # frames for each thread that wait to be stored

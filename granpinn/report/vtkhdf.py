@@ -16,7 +16,7 @@ from typing import NamedTuple
 import h5py
 import numpy as np
 
-from granpinn.arrays import Float32, Float64, Int64
+from granpinn.arrays import Float32, Float64, Int64, nearest
 from granpinn.output import hdf5_file
 from granpinn.output.frames import PACKED, packer
 from granpinn.results import Fields
@@ -45,8 +45,7 @@ def even(axis: Float64) -> GridAxis:
     spacing = float(wanted[1] - wanted[0])
     if np.max(np.abs(axis - wanted)) <= EVEN * spacing:
         return GridAxis(float(axis[0]), spacing, np.arange(axis.size), False)
-    nearest = np.searchsorted((axis[1:] + axis[:-1]) / 2, wanted)
-    return GridAxis(float(axis[0]), spacing, nearest, True)
+    return GridAxis(float(axis[0]), spacing, nearest(axis, wanted), True)
 
 
 def write_vtkhdf(fields: Fields, path: str | Path) -> bool:

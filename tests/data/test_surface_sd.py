@@ -111,4 +111,4 @@ def test_other_values_are_refused(tmp_path: Path, value: Any, words: str) -> Non
 
 def with_moved_surface(flow: Flow, offset: float) -> Flow:
     assert flow.surface is not None
-    return replace(flow, surface=moved(flow, flow.surface, offset))
+    return replace(flow, surface=moved(flow, flow.surface, offset)[0])

@@ -41,6 +41,11 @@ def test_walls_have_their_conditions_in_every_variant() -> None:
     full = walled()
     less = replace(full, c=np.where(full.c.cumsum(1) > 8, np.float32(0.7), full.c))
     (own,) = sets_of(full)
+    line = full, surface_of(full, "V1")
+    settings = full, scales_of(full), "V1", torch.float64, 1.0
+    (again,) = training_sets([line], *settings, own)
+    for name, values in own.arrays().items():
+        assert torch.equal(getattr(again, name), values), name
     for found, N in zip(sets_of(full, less), (full.valid.sum(), less.valid.sum()), strict=True):
         assert torch.equal(found.wall_points, own.wall_points)
         assert torch.equal(found.wall_velocity, own.wall_velocity)

@@ -34,7 +34,8 @@ def test_a_wall_that_moves_is_one_wall() -> None:
     found = segments_of(plate)
     np.testing.assert_array_equal(found.wall, [1, 1, 0])
     for time, height in ((0.0, 3.0), (1.4, 3.0), (1.6, 2.0), (9.0, 2.0)):
-        assert sorted(found.at(time).ends[:, 0, 1]) == [0.0, height]
+        ((_, there),) = found.spells(np.array([time]))
+        assert sorted(there.ends[:, 0, 1]) == [0.0, height]
 
 
 def test_normals_of_a_drum_point_to_its_center() -> None:
