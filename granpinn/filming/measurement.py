@@ -20,7 +20,7 @@ from granpinn.arrays import Bool, Float64, Int64
 from granpinn.data.flow import Flow, FlowFileWarning, Surface
 from granpinn.filming import FilmSettings
 from granpinn.filming.frames import ImageSequence, Picture, opened
-from granpinn.filming.segmentation import Segmentation, segmented, traced
+from granpinn.filming.segmentation import Segmentation, floor, segmented, traced
 from granpinn.filming.survey import Survey, UsableFrames, judged, survey
 from granpinn.filming.tracking import LONGEST, WINDOW, TrackedVectors, velocities
 from granpinn.importers import DataFileError, Settings, convert, units, vector_fields
@@ -84,18 +84,25 @@ def measure(
     centers, reach = _centers(judgement, settings)
     parts, fields, levels = _vectors(frames, centers, reach, segmentation, view, grain)
     said = _said(judgement, [*parts.values()], segmentation)
-    for text in said:
-        tell(text)
     times = np.array([*parts], float)
     kept = [v.kept() for v in parts.values()]
     t = np.repeat(times, [v.x.size for v in kept])
     names = ("x", "y", "u", "v", "sd")
     x, y, u, v, sd = (np.concatenate([getattr(part, name) for part in kept]) for name in names)
+
+    def edge(tilt: float) -> Surface | None:
+        seen = segmentation.useful
+        return traced(np.stack(levels), times, grain, pictures[0].shape, view, tilt) if seen else None
+
+    if settings.tilt == "auto":
+        settings, text = _upright(floor(edge(math.pi), grain), u, v, settings)
+        said.append(text)
     angle = units.si(settings.tilt, "angle", "--tilt")
     _require_falling(u, v, angle, judgement.acceleration, settings)
-    line = given = None
-    if segmentation.useful and settings.surface == "auto":
-        line = traced(np.stack(levels), times, grain, (rows, columns), view, angle)
+    line = edge(angle) if settings.surface == "auto" else None
+    given = None
+    for text in said:
+        tell(text)
     if line is not None:
         keep, line = _along(line, t, x, rows - y, grain)
         t, x, y, u, v, sd = (values[keep] for values in (t, x, y, u, v, sd))
@@ -242,6 +249,33 @@ def _vectors(
     return parts, fields, levels
 
 
+def _upright(
+    found: tuple[float, float] | None, u: Float64, v: Float64, settings: FilmSettings
+) -> tuple[FilmSettings, str]:
+    """The settings with the tilt of a level floor, and how it was found.
+
+    Grains that flow down to a level floor fall on the average; those on a slope move along it.
+    """
+    if found is None:
+        raise DataFileError(
+            "--tilt auto needs a straight floor with background below it in the picture, got none: "
+            "give the angle of a plumb line"
+        )
+    angle, sd = (math.degrees(value) for value in found)
+    if _descent(u, v, found[0]) < RISING:
+        raise DataFileError(
+            f"--tilt auto takes the floor, at {angle:.1f} deg, as level, but the grains do not fall "
+            "onto it: on a slope, give the angle of a plumb line"
+        )
+    text = f"tilt {angle:.2f} +- {sd:.2f} deg, of the straight floor, which is taken as level"
+    return dataclasses.replace(settings, tilt=f"{angle!r} deg"), text
+
+
+def _descent(u: Float64, v: Float64, angle: float) -> float:
+    """Mean velocity along gravity, of the rms speed."""
+    return float(np.mean(math.sin(angle) * u + math.cos(angle) * v) / np.sqrt(np.mean(u**2 + v**2)))
+
+
 def _require_falling(
     u: Float64, v: Float64, angle: float, acceleration: float, settings: FilmSettings
 ) -> None:
@@ -260,8 +294,7 @@ def _require_falling(
         warnings.warn(said, FlowFileWarning, stacklevel=5)
     if share > FAST and not settings.force:
         raise DataFileError(f"{said}, or give --force")
-    down = np.mean(math.sin(angle) * u + math.cos(angle) * v)
-    if down < -RISING * math.sqrt(np.mean(u**2 + v**2)) and not settings.force:
+    if _descent(u, v, angle) < -RISING and not settings.force:
         raise DataFileError(
             "grains must fall on the average, but they rise: turn the pictures the right way up, "
             "check --tilt and the order of the frames, or give --force"

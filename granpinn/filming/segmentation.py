@@ -32,6 +32,8 @@ EDGE = 3.0  # of the average that evens out single grains of the surface, cells
 AROUND = 8.0  # of the mean over the grains around, cells
 SEPARATED = 0.72  # part of the variance between the classes; at most 0.66 in grains alone
 MAX_JUMP = 0.1  # change of the area of the grains from frame to frame that a flow can make
+# A floor: its length, and rms distance of the edge, grain diameters; its part of the lower edge.
+FLOOR, STRAIGHT, OF_EDGE = 15.0, 0.35, 0.5
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,37 @@ def traced(
     row = np.clip((shape[0] - found.y).astype(int), 0, shape[0] - 1)
     seen = ~hidden[row, column]
     return Surface(found.t[seen], found.x[seen], found.y[seen]) if seen.any() else None
+
+
+def floor(edge: Surface | None, grain: float) -> tuple[float, float] | None:
+    """Angle of the straight floor below the grains and its standard deviation, radians.
+
+    The line within a grain of the most points of the lower edge. The average over EDGE cells leaves
+    one independent point in 2 sqrt(pi) EDGE cells.
+
+    Args:
+        edge: the line that `traced` finds in a picture turned by 180 degrees, px, y up.
+    """
+    if edge is None:
+        return None
+    x, y = edge.x / grain, edge.y / grain
+    points = np.stack([x, y], -1)[:, None].astype(np.float32)
+    reach, eighth = float(np.hypot(x, y).max()), math.pi / 4
+    lines = cv2.HoughLinesPointSet(
+        points, 1, 1, -reach, reach, CELL, eighth, 3 * eighth, eighth / 90
+    )
+    _, distance, normal = lines.reshape(-1, 3)[0]
+    slope, level = -1 / math.tan(normal), distance / math.sin(normal)
+    for _ in range(5):
+        near = np.abs(y - level - slope * x) < 1
+        slope, level = np.polyfit(x[near], y[near], 1)
+    away = float(np.std(y[near] - level - slope * x[near]))
+    cells = np.unique(x[near] // CELL).size
+    if cells * CELL < FLOOR or away > STRAIGHT or near.mean() < OF_EDGE:
+        return None
+    independent = cells / (2 * math.sqrt(math.pi) * EDGE)
+    sd = away / float(np.std(x[near])) / math.sqrt(independent)
+    return math.atan(slope), sd
 
 
 def _averaged(picture: Picture, grain: float, texture: bool) -> Level:
