@@ -97,13 +97,13 @@ def survey(frames: ImageSequence, grains: Callable[[Picture], Picture], grain: f
             if k % RENEWED == 0 or len(places) < SAMPLES // 2:
                 places = features(before, grain, grains(before), SAMPLES)
             found.count[k] = len(places)
-            motion = follow(before, picture, places, side_of_window(grain))
+            moved, again = follow(before, picture, places, side_of_window(grain))
             if len(places):
-                found.found[k] = motion.found.mean()
-            if motion.found.any():
-                size = np.hypot(*motion.moved[motion.found].T)
+                found.found[k] = again.mean()
+            if again.any():
+                size = np.hypot(*moved[again].T)
                 found.slow[k], found.fast[k] = np.quantile(size, (SLOW, FAST))
-            places = (places + motion.moved)[motion.found]
+            places = (places + moved)[again]
         before = picture
     return found
 
