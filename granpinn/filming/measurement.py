@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -36,8 +36,7 @@ SLOW, FAST = 0.02, 1.5  # acceleration of the fast grains after the release over
 SHOWN = (0.25, 0.6)  # of the fields, for the page
 
 
-@dataclass(frozen=True, eq=False)
-class Field:
+class Field(NamedTuple):
     """A measured frame, for the page."""
 
     number: int
@@ -84,6 +83,8 @@ def measure(
     centers, reach = _centers(judgement, settings)
     parts, fields, levels = _vectors(frames, centers, reach, segmentation, view, grain)
     said = _said(judgement, [*parts.values()], segmentation)
+    for text in said:
+        tell(text)
     times = np.array([*parts], float)
     kept = [v.kept() for v in parts.values()]
     t = np.repeat(times, [v.x.size for v in kept])
@@ -91,20 +92,20 @@ def measure(
     x, y, u, v, sd = (np.concatenate([getattr(part, name) for part in kept]) for name in names)
 
     def edge(tilt: float) -> Surface | None:
-        seen = segmentation.useful
-        return traced(np.stack(levels), times, grain, pictures[0].shape, view, tilt) if seen else None
+        if not segmentation.useful:
+            return None
+        return traced(np.stack(levels), times, grain, (rows, columns), view, tilt)
 
     if settings.tilt == "auto":
         settings, text = _upright(floor(edge(math.pi), grain), u, v, settings)
         said.append(text)
+        tell(text)
     angle = units.si(settings.tilt, "angle", "--tilt")
     _require_falling(u, v, angle, judgement.acceleration, settings)
     line = edge(angle) if settings.surface == "auto" else None
     given = None
-    for text in said:
-        tell(text)
     if line is not None:
-        keep, line = _along(line, t, x, rows - y, grain)
+        keep = _below(line, t, x, rows - y, grain)
         t, x, y, u, v, sd = (values[keep] for values in (t, x, y, u, v, sd))
         # Pixel 0 reaches from 0 to 1 in the line; its center is 0 in the vectors.
         given = line.t, line.x - 0.5, rows - line.y - 0.5
@@ -123,22 +124,19 @@ def measure(
     return Measured(flow, film, judgement, fields, line, said)
 
 
-def _along(line: Surface, t: Float64, x: Float64, y: Float64, grain: float) -> tuple[Bool, Surface]:
-    """Which vectors [n] have a window below the line, and the points of the line near vectors.
+def _below(line: Surface, t: Float64, x: Float64, y: Float64, grain: float) -> Bool:
+    """Which vectors [n] have a window below the line.
 
     Grains at the surface hide those below them and have none above: a window that reaches beyond
     them shows the velocity of their centers, which is too slow there (bench/studies/film).
     """
-    keep, near = np.ones(t.size, bool), np.zeros(line.t.size, bool)
+    keep = np.ones(t.size, bool)
     for time in np.unique(line.t):
-        points, vectors = np.flatnonzero(line.t == time), np.flatnonzero(t == time)
+        points, vectors = line.t == time, t == time
+        tree = cKDTree(np.stack([line.x[points], line.y[points]], -1))
         places = np.stack([x[vectors], y[vectors]], -1)
-        traced_at = np.stack([line.x[points], line.y[points]], -1)
-        keep[vectors] = cKDTree(traced_at).query(places)[0] > WINDOW / 2 * grain
-        if keep[vectors].any():
-            distance = cKDTree(places[keep[vectors]]).query(traced_at)[0]
-            near[points] = distance < 2 * WINDOW * grain
-    return keep, Surface(line.t[near], line.x[near], line.y[near])
+        keep[vectors] = tree.query(places)[0] > WINDOW / 2 * grain
+    return keep
 
 
 def _grain(settings: FilmSettings) -> float:

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from granpinn.arrays import Bool, Float64
 from granpinn.filming.frames import ImageSequence, Picture
@@ -81,8 +81,7 @@ def survey(frames: ImageSequence, grains: Callable[[Picture], Picture], grain: f
         grain: diameter, px.
     """
     names = [f.name for f in fields(Survey) if f.name != "broken"]
-    empty: Any = {name: np.full(frames.count, np.nan) for name in names}
-    found = Survey(**empty)
+    found = Survey(*(np.full(frames.count, np.nan) for _ in names))
     before: Picture | None = None
     places = np.zeros((0, 2))
     for k, (picture, why) in enumerate(frames):
@@ -174,12 +173,9 @@ def _require_motion(film: Survey) -> None:
 
 
 def _usual(values: Float64) -> Float64:
-    """Median of the AROUND values before and after each one, without itself."""
-    padded = np.pad(values, AROUND, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
-    others = np.delete(windows, AROUND, axis=1)
-    known = np.where(np.isfinite(others).any(axis=1, keepdims=True), others, 0.0)
-    return np.asarray(np.nanmedian(known, axis=1))
+    """Median of each value and the AROUND ones before and after it."""
+    around = pd.Series(values).rolling(2 * AROUND + 1, center=True, min_periods=1)
+    return around.median().to_numpy()
 
 
 def _release(fast: Float64) -> tuple[float | None, float]:
