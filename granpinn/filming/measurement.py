@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+import pandas as pd
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Int64
@@ -79,7 +80,7 @@ def measure(
     film = survey(frames, lambda p: segmentation.grains(p, view), grain)
     judgement = judged(film, frames)
     for text in judgement.said:
-        warnings.warn(text, FlowFileWarning, stacklevel=4)
+        warnings.warn(text, FlowFileWarning, stacklevel=3)
     centers, reach = _centers(judgement, settings)
     parts, fields, levels = _vectors(frames, centers, reach, segmentation, view, grain)
     said = _said(judgement, [*parts.values()], segmentation)
@@ -188,11 +189,9 @@ def _view(mask: str | None, frames: ImageSequence, shape: tuple[int, ...]) -> Pi
 
 def _centers(judgement: UsableFrames, settings: FilmSettings) -> tuple[list[int], Int64]:
     """Frames that get vectors, and for every frame the largest h [T]."""
-    ends = np.flatnonzero(~judgement.joined)
-    count = judgement.whole.size
-    index = np.arange(count)
-    before = index - ends[np.searchsorted(ends, index, side="right") - 1]
-    later = np.append(ends, count)[np.searchsorted(ends, index, side="right")] - 1 - index
+    index = np.arange(judgement.whole.size)
+    run = pd.Series(index).groupby(np.cumsum(~judgement.joined))
+    before, later = run.cumcount(), run.cumcount(ascending=False)
     reach = np.where(judgement.whole, np.minimum(before, later), 0)
     since = np.floor(index - (judgement.release or 0.0)).astype(int)
     reach = np.minimum(reach, np.maximum(since, 0))  # grains at rest are no part of the motion
@@ -219,20 +218,17 @@ def _vectors(
     grain: float,
 ) -> tuple[dict[int, TrackedVectors], list[Field], list[Any]]:
     """The second pass: vectors, by their frame, and level of grains; few frames in memory."""
-    shown = {centers[int(s * len(centers))] for s in SHOWN}
+    wanted, shown = set(centers), {centers[int(s * len(centers))] for s in SHOWN}
     parts: dict[int, TrackedVectors] = {}
     fields, levels = [], []
-    ring: deque[Picture | None] = deque(maxlen=2 * LONGEST + 1)
-    wanted = set(centers)
+    ring: deque[Any] = deque([None] * (2 * LONGEST + 1), 2 * LONGEST + 1)
     following = itertools.chain((frame.picture for frame in frames), [None] * LONGEST)
-    for k, picture in enumerate(following):
+    for c, picture in enumerate(following, -LONGEST):
         ring.append(picture)
-        c = k - LONGEST
         if c not in wanted:
             continue
-        now = {i - (len(ring) - 1 - LONGEST): p for i, p in enumerate(ring) if p is not None}
-        where = segmentation.grains(now[0], view)
-        vectors = velocities(now, grain, where, int(reach[c]))
+        now = dict(zip(range(-LONGEST, LONGEST + 1), ring, strict=True))
+        vectors = velocities(now, grain, segmentation.grains(now[0], view), int(reach[c]))
         if vectors.good.sum() < FEWEST:
             continue
         parts[c] = vectors
@@ -262,8 +258,8 @@ def _upright(
     angle, sd = (math.degrees(value) for value in found)
     if _descent(u, v, found[0]) < RISING:
         raise DataFileError(
-            f"--tilt auto takes the floor, at {angle:.1f} deg, as level, but the grains do not fall "
-            "onto it: on a slope, give the angle of a plumb line"
+            f"--tilt auto takes the floor, at {angle:.1f} deg, as level, but the grains move along "
+            "it, as on a slope: give the angle of a plumb line"
         )
     text = f"tilt {angle:.2f} +- {sd:.2f} deg, of the straight floor, which is taken as level"
     return dataclasses.replace(settings, tilt=f"{angle!r} deg"), text
@@ -289,7 +285,7 @@ def _require_falling(
         f"to {FAST}: check --frame-rate, whose square is in it, and --scale"
     )
     if share < SLOW:
-        warnings.warn(said, FlowFileWarning, stacklevel=5)
+        warnings.warn(said, FlowFileWarning, stacklevel=4)
     if share > FAST and not settings.force:
         raise DataFileError(f"{said}, or give --force")
     if _descent(u, v, angle) < -RISING and not settings.force:
@@ -323,14 +319,12 @@ def _said(
 
 def _settings(settings: FilmSettings, judgement: UsableFrames, t: Float64) -> Settings:
     """The settings of the conversion: times count from the release."""
-    changes: dict[str, Any] = {"mask": None, "frames": None}
+    if settings.surface in ("mask", "fraction"):
+        raise DataFileError(f"--surface {settings.surface} is not for films: leave it out")
     frame = units.frame_time(settings.frame_rate or "", "--frame-rate")
     first = float(t.min()) * frame
     if settings.start is not None:  # of the first frame of the film
         first += units.si(settings.start, "time", "--start")
     else:
         first -= (judgement.release or 0.0) * frame
-    changes["start"] = f"{first!r} s"
-    if settings.surface in ("mask", "fraction"):
-        raise DataFileError(f"--surface {settings.surface} is not for films: leave it out")
-    return dataclasses.replace(settings, **changes)
+    return dataclasses.replace(settings, mask=None, frames=None, start=f"{first!r} s")
