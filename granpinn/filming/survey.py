@@ -30,7 +30,6 @@ REPEATED, LOST = 0.3, 1.6  # motion over that before and after it
 SHIFT = 0.4  # px, motion of the slowest features that is none of the grains
 FLICKER = 0.05  # change of the light from one frame to the next
 BLURRED = 0.5  # sharpness over that of the film
-FEWEST = 40  # features of a frame with texture
 FOUND = 0.5  # share of the features that can be followed
 SHOWN = 6  # frame numbers in a message
 
@@ -41,14 +40,13 @@ class Survey:
 
     Attributes:
         fast, slow: quantiles of the motion, px. found: share of the features that were followed.
-        count: features. light: mean grey level. sharp: mean square of the second differences.
+        light: mean grey level. sharp: mean square of the second differences.
         broken: why a frame cannot be used.
     """
 
     fast: Float64
     slow: Float64
     found: Float64
-    count: Float64
     light: Float64
     sharp: Float64
     broken: dict[int, str] = field(default_factory=dict)
@@ -95,10 +93,8 @@ def survey(frames: ImageSequence, grains: Callable[[Picture], Picture], grain: f
         if before is not None:
             if k % RENEWED == 0 or len(places) < SAMPLES // 2:
                 places = features(before, grain, grains(before), SAMPLES)
-            found.count[k] = len(places)
             moved, again = follow(before, picture, places, side_of_window(grain))
-            if len(places):
-                found.found[k] = again.mean()
+            found.found[k] = again.sum() / max(len(places), 1)
             if again.any():
                 size = np.hypot(*moved[again].T)
                 found.slow[k], found.fast[k] = np.quantile(size, (SLOW, FAST))
@@ -146,18 +142,13 @@ def judged(film: Survey, frames: ImageSequence) -> UsableFrames:
 
 def _require_motion(film: Survey) -> None:
     """Refuses films without texture, without motion, or with too much of it."""
-    count = float(np.nanmedian(film.count))
-    if count < FEWEST:
-        raise DataFileError(
-            f"the grains must have texture, got {count:.0f} features in a frame: light them from "
-            "the side, colour a part of them, or come nearer with the camera"
-        )
     lost = film.found < FOUND
     if lost.mean() > FOUND / 5:
         raise DataFileError(
-            f"grains must move by a few px from frame to frame, but in {lost.sum()} of {lost.size} "
-            f"frames, such as {_numbers(lost)}, less than half of the features are found again: "
-            "film at a higher frame rate"
+            "the grains must have texture and move by a few px from frame to frame, but in "
+            f"{lost.sum()} of {lost.size} frames, such as {_numbers(lost)}, less than half of the "
+            "features are found again: film at a higher frame rate, light the grains from the "
+            "side, or come nearer with the camera"
         )
     fast = float(np.nanquantile(film.fast, FAST))
     if fast > LARGEST:

@@ -159,10 +159,7 @@ def _scatter(places: Float64, velocity: Float64) -> Float64:
     if len(places) <= NEIGHBORS:
         return np.zeros(len(places))
     near = cKDTree(places).query(places, NEIGHBORS + 1)[1]
-    offset = places[near] - places[:, None]
-    scale = np.sqrt((offset**2).mean(axis=(1, 2)))[:, None, None] + 1e-9
-    plane = np.concatenate([np.ones((*near.shape, 1)), offset / scale], axis=2)
-    normal = plane.transpose(0, 2, 1) @ plane + 1e-9 * np.eye(3)
-    solved = np.linalg.solve(normal, plane.transpose(0, 2, 1) @ velocity[near])
-    left = velocity[near] - plane @ solved
+    plane = np.insert(places[near] - places[:, None], 0, 1.0, axis=2)
+    q = np.linalg.qr(plane)[0]
+    left = velocity[near] - q @ (q.transpose(0, 2, 1) @ velocity[near])
     return np.asarray((left**2).sum(axis=(1, 2)) / (2 * (NEIGHBORS + 1 - 3)))
