@@ -48,7 +48,7 @@ class Scene:
             out[:, k] = self.field.velocity(float(now), x[k], y[k])
         return out
 
-    def turned(self, degrees: float, **film: Any) -> Scene:
+    def turned(self, degrees: float) -> Scene:
         """The same flow, turned counter-clockwise in a picture with a margin on all sides.
 
         Of a flow with periodic sides, the part of the picture that it fills from side to side.
@@ -59,10 +59,10 @@ class Scene:
         edge = MARGIN * shot.pixel
         left, right = float(x.min()) - edge, float(x.max()) + edge
         if shot.period is not None:
-            left, right = (float(pair[k]) for pair, k in ((np.sort(x), 1), (np.sort(x), 2)))
+            _, left, right, _ = np.sort(x).tolist()
         low, high = float(y.min()) - edge, float(y.max()) + edge
         size = {"rows": int((high - low) / shot.pixel), "columns": int((right - left) / shot.pixel)}
-        shot = dataclasses.replace(shot, corner=(left, low), **size, **film)
+        shot = dataclasses.replace(shot, corner=(left, low), **size)
         return dataclasses.replace(self, shot=shot, tilt=self.tilt + degrees)
 
 
