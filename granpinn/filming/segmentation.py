@@ -29,6 +29,7 @@ Level = npt.NDArray[np.float32]
 CELL = 0.5  # side of a cell of the fraction, grain diameters
 SMOOTHING = 0.5  # standard deviation of the average, grain diameters
 EDGE = 3.0  # of the average that evens out single grains of the surface, cells
+JITTER = 3  # cells by which the edge moves along a wall at rest
 AROUND = 8.0  # of the mean over the grains around, cells
 SEPARATED = 0.72  # part of the variance between the classes; at most 0.66 in grains alone
 MAX_JUMP = 0.1  # change of the area of the grains from frame to frame that a flow can make
@@ -120,7 +121,7 @@ def traced(
     if view is not None:
         near = cv2.erode(view, np.ones((2 * int(grain) + 1,) * 2, np.uint8))
         c[:, cv2.resize(near, c.shape[:0:-1], interpolation=cv2.INTER_AREA)[::-1] < 255] = np.nan
-    return from_fraction(c[steady], t[steady], y, x, (-up[0], -up[1]))
+    return from_fraction(c[steady], t[steady], y, x, (-up[0], -up[1]), JITTER)
 
 
 def floor(edge: Surface | None, grain: float) -> tuple[float, float] | None:
