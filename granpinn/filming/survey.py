@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -78,8 +78,7 @@ def survey(frames: ImageSequence, grains: Callable[[Picture], Picture], grain: f
         grains: a picture to its pixels that show grains, not 0 [rows, columns].
         grain: diameter, px.
     """
-    names = [f.name for f in fields(Survey) if f.name != "broken"]
-    found = Survey(*(np.full(frames.count, np.nan) for _ in names))
+    found = Survey(*np.full((5, frames.count), np.nan))
     before: Picture | None = None
     places = np.zeros((0, 2))
     for k, (picture, why) in enumerate(frames):
@@ -166,7 +165,7 @@ def _require_motion(film: Survey) -> None:
 def _usual(values: Float64) -> Float64:
     """Median of each value and the AROUND ones before and after it."""
     around = pd.Series(values).rolling(2 * AROUND + 1, center=True, min_periods=1)
-    return around.median().to_numpy()
+    return np.asarray(around.median())
 
 
 def _release(fast: Float64) -> tuple[float | None, float]:

@@ -108,7 +108,7 @@ def _seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Genera
         wide = high = wide + high
     i, j = np.meshgrid(np.arange(-1, wide // side + 2), np.arange(-1, high // side + 2))
     corners = np.stack([i.ravel(), j.ravel()])
-    place = (corners + random.random(corners.shape)) * side
+    place: Any = (corners + random.random(corners.shape)) * side
     inside = (field.fraction(t, *place) > 0.5) & (place[1] > 0)
     if shot.turn:
         inside &= (place[0] > 0) & (place[0] < (shot.period or field.x[-1]))
