@@ -133,7 +133,7 @@ def floor(edge: Surface | None, grain: float) -> tuple[float, float] | None:
     Args:
         edge: the line that `traced` finds in a picture turned by 180 degrees, px, y up.
     """
-    if edge is None or np.ptp(edge.x) < FLOOR * grain:
+    if edge is None:
         return None
     x, y = edge.x / grain, edge.y / grain
     points = np.stack([x, y], -1)[:, None].astype(np.float32)
@@ -145,12 +145,10 @@ def floor(edge: Surface | None, grain: float) -> tuple[float, float] | None:
     for _ in range(5):
         away = y - level - slope * x
         near = np.abs(away) < 1
-        if np.mean(np.abs(away) < HALF) < OF_EDGE:
+        length = CELL * np.unique(x[near] // CELL).size
+        if length < FLOOR or np.mean(np.abs(away) < HALF) < OF_EDGE:
             return None
         slope, level = np.polyfit(x[near], y[near], 1)
-    length = CELL * np.unique(x[near] // CELL).size
-    if length < FLOOR:
-        return None
     sd = math.sqrt(2) * float(np.std(away[near])) / length / (1 + slope**2)
     return math.atan(slope), sd
 

@@ -86,8 +86,7 @@ def survey(frames: ImageSequence, grains: Callable[[Picture], Picture], grain: f
             found.broken[k] = why
             before, places = None, places[:0]
             continue
-        small = picture[::2, ::2].astype(np.float32)
-        found.light[k] = small.mean()
+        found.light[k] = picture[::2, ::2].mean()
         found.sharp[k] = np.mean(np.diff(picture[::2].astype(np.float32), 2) ** 2)
         if before is not None:
             if k % RENEWED == 0 or len(places) < SAMPLES // 2:

@@ -118,13 +118,21 @@ def test_tilt_of_a_level_floor(tmp_path: Path, degrees: float) -> None:
     found = measure(save(pictures, tmp_path / "a"), settings)
     x, y = found.flow.gravity
     assert np.degrees(np.arctan2(x, -y)) == pytest.approx(degrees, abs=2)  # on 20 grains
-    assert found.said[-1].startswith("tilt ")
 
 
 def test_a_floor_along_which_the_grains_move_is_not_level(shot: list[Any], tmp_path: Path) -> None:
     below = [np.pad(p, ((0, 30), (0, 0)), constant_values=10) for p in shot]
     with pytest.raises(DataFileError, match="move along it"):
         granpinn.film(save(below, tmp_path / "a"), **LAB | {"tilt": "auto"})
+
+
+def test_no_surface_is_seen_at_a_mask(shot: list[Any], tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "m.png"), 255 * np.tile(np.arange(COLUMNS) < 120, (ROWS, 1)))
+    settings = FilmSettings(**LAB, mask=str(tmp_path / "m.png"))
+    line = measure(save(shot, tmp_path / "a"), settings).line
+    assert line is not None
+    assert 100 < line.x.max() < 120 - GRAIN / 2
+    assert abs(line.y - (ROWS - TOP)).max() < GRAIN
 
 
 def test_the_time_of_the_first_frame_may_be_given(shot: list[Any], tmp_path: Path) -> None:
