@@ -16,7 +16,7 @@ from granpinn.command import flow_warnings
 from granpinn.command.cli import Command
 from granpinn.command.conversion import add_arguments, parse, write
 from granpinn.command.parser import Parser
-from granpinn.filming import SETTINGS, FilmSettings, measured
+from granpinn.filming import SETTINGS, film
 
 EXAMPLES = """examples:
   python -m granpinn.film frames/*.png --out flow.h5 --scale "0.12 mm/px" --frame-rate "1500 Hz" \\
@@ -39,11 +39,11 @@ def parser() -> Parser:
 
 def run(argv: Sequence[str]) -> int:
     sources, out, given = parse(parser(), argv)
-    settings, page = FilmSettings(**given), out.with_suffix(".html")
+    page = out.with_suffix(".html")
     with flow_warnings.in_one_line():
-        flow = measured(sources, settings, print, page).flow
+        flow = film(sources, page=page, report=print, **given)
         print(f"pictures of every stage: {page}")
-        write(flow, out, settings.force)
+        write(flow, out, given.get("force", False))
     return 0
 
 

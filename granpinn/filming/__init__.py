@@ -13,16 +13,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from granpinn.config import settings_of
 from granpinn.data.flow import Flow
 from granpinn.foreign import installed
 from granpinn.importers import DataFileError, Settings
 from granpinn.importers.reading import settings_from
-
-if TYPE_CHECKING:
-    from granpinn.filming.measurement import Measured
 
 # Settings of a conversion that have no meaning for pictures.
 WITHOUT = (
@@ -34,8 +31,16 @@ WITHOUT = (
 
 @dataclass(frozen=True)
 class FilmSettings(Settings):
-    """The settings of a conversion, and the part of the pictures to use."""
+    """The settings of a conversion, the part of the pictures to use, and a tilt from them."""
 
+    tilt: str = field(
+        default="0 deg",
+        metadata={
+            "group": "frame",
+            "help": "angle of a plumb line in the image: positive if its lower end is to the right "
+            "of the upper one; or auto = across a straight floor in the picture, which is level",
+        },
+    )
     roi: str | None = field(
         default=None,
         metadata={
@@ -72,23 +77,13 @@ def film(
         DataFileError: the film or a setting cannot be used; one sentence.
     """
     own = settings_from(settings, FilmSettings, SETTINGS)
-    return measured(sources, own, report, None if page is None else Path(page)).flow
-
-
-def measured(
-    sources: str | Path | Sequence[str | Path],
-    settings: FilmSettings,
-    report: Callable[[str], None] | None = None,
-    page: Path | None = None,
-) -> Measured:
-    """The flow with all stages; arguments and errors as in `film`."""
     if not installed("cv2"):
         raise DataFileError("films need OpenCV: pip install 'granpinn[film]'")
     from granpinn.filming.measurement import measure  # imports OpenCV
 
-    found = measure(sources, settings, report)
+    found = measure(sources, own, report)
     if page is not None:
         from granpinn.filming.page import write  # matplotlib is slow to import
 
-        write(found, page)
-    return found
+        write(found, Path(page))
+    return found.flow

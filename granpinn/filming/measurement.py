@@ -10,17 +10,18 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+import pandas as pd
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Int64
 from granpinn.data.flow import Flow, FlowFileWarning, Surface
 from granpinn.filming import FilmSettings
 from granpinn.filming.frames import ImageSequence, Picture, opened
-from granpinn.filming.segmentation import Segmentation, segmented, traced
+from granpinn.filming.segmentation import Segmentation, floor, segmented, traced
 from granpinn.filming.survey import Survey, UsableFrames, judged, survey
 from granpinn.filming.tracking import LONGEST, WINDOW, TrackedVectors, velocities
 from granpinn.importers import DataFileError, Settings, convert, units, vector_fields
@@ -36,8 +37,7 @@ SLOW, FAST = 0.02, 1.5  # acceleration of the fast grains after the release over
 SHOWN = (0.25, 0.6)  # of the fields, for the page
 
 
-@dataclass(frozen=True, eq=False)
-class Field:
+class Field(NamedTuple):
     """A measured frame, for the page."""
 
     number: int
@@ -80,7 +80,7 @@ def measure(
     film = survey(frames, lambda p: segmentation.grains(p, view), grain)
     judgement = judged(film, frames)
     for text in judgement.said:
-        warnings.warn(text, FlowFileWarning, stacklevel=4)
+        warnings.warn(text, FlowFileWarning, stacklevel=3)
     centers, reach = _centers(judgement, settings)
     parts, fields, levels = _vectors(frames, centers, reach, segmentation, view, grain)
     said = _said(judgement, [*parts.values()], segmentation)
@@ -91,13 +91,22 @@ def measure(
     t = np.repeat(times, [v.x.size for v in kept])
     names = ("x", "y", "u", "v", "sd")
     x, y, u, v, sd = (np.concatenate([getattr(part, name) for part in kept]) for name in names)
+
+    def edge(tilt: float) -> Surface | None:
+        if not segmentation.useful:
+            return None
+        return traced(np.stack(levels), times, grain, (rows, columns), view, tilt)
+
+    if settings.tilt == "auto":
+        settings, text = _upright(floor(edge(math.pi), grain), u, v, settings)
+        said.append(text)
+        tell(text)
     angle = units.si(settings.tilt, "angle", "--tilt")
     _require_falling(u, v, angle, judgement.acceleration, settings)
-    line = given = None
-    if segmentation.useful and settings.surface == "auto":
-        line = traced(np.stack(levels), times, grain, (rows, columns), view, angle)
+    line = edge(angle) if settings.surface == "auto" else None
+    given = None
     if line is not None:
-        keep, line = _along(line, t, x, rows - y, grain)
+        keep = _below(line, t, x, rows - y, grain)
         t, x, y, u, v, sd = (values[keep] for values in (t, x, y, u, v, sd))
         # Pixel 0 reaches from 0 to 1 in the line; its center is 0 in the vectors.
         given = line.t, line.x - 0.5, rows - line.y - 0.5
@@ -116,22 +125,19 @@ def measure(
     return Measured(flow, film, judgement, fields, line, said)
 
 
-def _along(line: Surface, t: Float64, x: Float64, y: Float64, grain: float) -> tuple[Bool, Surface]:
-    """Which vectors [n] have a window below the line, and the points of the line near vectors.
+def _below(line: Surface, t: Float64, x: Float64, y: Float64, grain: float) -> Bool:
+    """Which vectors [n] have a window below the line.
 
     Grains at the surface hide those below them and have none above: a window that reaches beyond
     them shows the velocity of their centers, which is too slow there (bench/studies/film).
     """
-    keep, near = np.ones(t.size, bool), np.zeros(line.t.size, bool)
+    keep = np.ones(t.size, bool)
     for time in np.unique(line.t):
-        points, vectors = np.flatnonzero(line.t == time), np.flatnonzero(t == time)
+        points, vectors = line.t == time, t == time
+        tree = cKDTree(np.stack([line.x[points], line.y[points]], -1))
         places = np.stack([x[vectors], y[vectors]], -1)
-        traced_at = np.stack([line.x[points], line.y[points]], -1)
-        keep[vectors] = cKDTree(traced_at).query(places)[0] > WINDOW / 2 * grain
-        if keep[vectors].any():
-            distance = cKDTree(places[keep[vectors]]).query(traced_at)[0]
-            near[points] = distance < 2 * WINDOW * grain
-    return keep, Surface(line.t[near], line.x[near], line.y[near])
+        keep[vectors] = tree.query(places)[0] > WINDOW / 2 * grain
+    return keep
 
 
 def _grain(settings: FilmSettings) -> float:
@@ -183,11 +189,9 @@ def _view(mask: str | None, frames: ImageSequence, shape: tuple[int, ...]) -> Pi
 
 def _centers(judgement: UsableFrames, settings: FilmSettings) -> tuple[list[int], Int64]:
     """Frames that get vectors, and for every frame the largest h [T]."""
-    ends = np.flatnonzero(~judgement.joined)
-    count = judgement.whole.size
-    index = np.arange(count)
-    before = index - ends[np.searchsorted(ends, index, side="right") - 1]
-    later = np.append(ends, count)[np.searchsorted(ends, index, side="right")] - 1 - index
+    index = np.arange(judgement.whole.size)
+    run = pd.Series(index).groupby(np.cumsum(~judgement.joined))
+    before, later = run.cumcount(), run.cumcount(ascending=False)
     reach = np.where(judgement.whole, np.minimum(before, later), 0)
     since = np.floor(index - (judgement.release or 0.0)).astype(int)
     reach = np.minimum(reach, np.maximum(since, 0))  # grains at rest are no part of the motion
@@ -214,20 +218,17 @@ def _vectors(
     grain: float,
 ) -> tuple[dict[int, TrackedVectors], list[Field], list[Any]]:
     """The second pass: vectors, by their frame, and level of grains; few frames in memory."""
-    shown = {centers[int(s * len(centers))] for s in SHOWN}
+    wanted, shown = set(centers), {centers[int(s * len(centers))] for s in SHOWN}
     parts: dict[int, TrackedVectors] = {}
     fields, levels = [], []
-    ring: deque[Picture | None] = deque(maxlen=2 * LONGEST + 1)
-    wanted = set(centers)
+    ring: deque[Any] = deque([None] * (2 * LONGEST + 1), 2 * LONGEST + 1)
     following = itertools.chain((frame.picture for frame in frames), [None] * LONGEST)
-    for k, picture in enumerate(following):
+    for c, picture in enumerate(following, -LONGEST):
         ring.append(picture)
-        c = k - LONGEST
         if c not in wanted:
             continue
-        now = {i - (len(ring) - 1 - LONGEST): p for i, p in enumerate(ring) if p is not None}
-        where = segmentation.grains(now[0], view)
-        vectors = velocities(now, grain, where, int(reach[c]))
+        now = dict(zip(range(-LONGEST, LONGEST + 1), ring, strict=True))
+        vectors = velocities(now, grain, segmentation.grains(now[0], view), int(reach[c]))
         if vectors.good.sum() < FEWEST:
             continue
         parts[c] = vectors
@@ -240,6 +241,33 @@ def _vectors(
             "check --scale and --grain-diameter, the light and the sharpness of the film"
         )
     return parts, fields, levels
+
+
+def _upright(
+    found: tuple[float, float] | None, u: Float64, v: Float64, settings: FilmSettings
+) -> tuple[FilmSettings, str]:
+    """The settings with the tilt of a level floor, and how it was found.
+
+    Grains that flow down to a level floor fall on the average; those on a slope move along it.
+    """
+    if found is None:
+        raise DataFileError(
+            "--tilt auto needs a straight floor with background below it in the picture, got none: "
+            "give the angle of a plumb line"
+        )
+    angle, sd = (math.degrees(value) for value in found)
+    if _descent(u, v, found[0]) < RISING:
+        raise DataFileError(
+            f"--tilt auto takes the floor, at {angle:.1f} deg, as level, but the grains move along "
+            "it, as on a slope: give the angle of a plumb line"
+        )
+    text = f"tilt {angle:.2f} +- {sd:.2f} deg, of the straight floor, which is taken as level"
+    return dataclasses.replace(settings, tilt=f"{angle!r} deg"), text
+
+
+def _descent(u: Float64, v: Float64, angle: float) -> float:
+    """Mean velocity along gravity, of the rms speed."""
+    return float(np.mean(math.sin(angle) * u + math.cos(angle) * v) / np.sqrt(np.mean(u**2 + v**2)))
 
 
 def _require_falling(
@@ -257,11 +285,10 @@ def _require_falling(
         f"to {FAST}: check --frame-rate, whose square is in it, and --scale"
     )
     if share < SLOW:
-        warnings.warn(said, FlowFileWarning, stacklevel=5)
+        warnings.warn(said, FlowFileWarning, stacklevel=4)
     if share > FAST and not settings.force:
         raise DataFileError(f"{said}, or give --force")
-    down = np.mean(math.sin(angle) * u + math.cos(angle) * v)
-    if down < -RISING * math.sqrt(np.mean(u**2 + v**2)) and not settings.force:
+    if _descent(u, v, angle) < -RISING and not settings.force:
         raise DataFileError(
             "grains must fall on the average, but they rise: turn the pictures the right way up, "
             "check --tilt and the order of the frames, or give --force"
@@ -292,14 +319,12 @@ def _said(
 
 def _settings(settings: FilmSettings, judgement: UsableFrames, t: Float64) -> Settings:
     """The settings of the conversion: times count from the release."""
-    changes: dict[str, Any] = {"mask": None, "frames": None}
+    if settings.surface in ("mask", "fraction"):
+        raise DataFileError(f"--surface {settings.surface} is not for films: leave it out")
     frame = units.frame_time(settings.frame_rate or "", "--frame-rate")
     first = float(t.min()) * frame
     if settings.start is not None:  # of the first frame of the film
         first += units.si(settings.start, "time", "--start")
     else:
         first -= (judgement.release or 0.0) * frame
-    changes["start"] = f"{first!r} s"
-    if settings.surface in ("mask", "fraction"):
-        raise DataFileError(f"--surface {settings.surface} is not for films: leave it out")
-    return dataclasses.replace(settings, **changes)
+    return dataclasses.replace(settings, mask=None, frames=None, start=f"{first!r} s")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,12 +11,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import binned_statistic_2d
 
-from granpinn.figures.style import BLUE, GREEN, ORANGE, Drawing, new_figure, save, styled
+from granpinn.figures.style import BLUE, GREEN, ORANGE, SKY, Drawing, new_figure, save, styled
 from granpinn.output import write_text
 from granpinn.report.page import encoded, template
 
 if TYPE_CHECKING:
-    from granpinn.filming.measurement import Measured
+    from granpinn.filming.measurement import Field, Measured
 
 ARROWS = 700  # of a picture
 LENGTH = 0.03  # of the longest arrow, widths of the picture
@@ -26,17 +27,15 @@ PATCHES = 60  # of the map of the granular temperature, along x
 def write(measured: Measured, path: Path) -> None:
     """Writes the page, which needs no other file."""
     stages = {
-        "Features": features,
-        "Vectors on the picture": vectors,
-        "Free surface": surface,
+        "Vectors, rejected features and free surface": vectors,
         "The film from frame to frame": history,
         "Granular temperature (noise is in it)": temperature,
     }
     pictures = []
     with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "stage.png"
         for title, draw in stages.items():
             drawing = draw(measured)
-            file = Path(folder) / "stage.png"
             save(drawing.figure, file)
             pictures.append((title, drawing.caption, file.read_bytes()))
     text = template("camera.html", base64=encoded).render(
@@ -45,7 +44,7 @@ def write(measured: Measured, path: Path) -> None:
     write_text(path, text)
 
 
-def _on_picture(measured: Measured, each: Any) -> Figure:
+def _on_picture(measured: Measured, each: Callable[[Any, Field], None]) -> Figure:
     """The shown frames one above the other; `each` draws on the axes of a field."""
     fields = measured.fields
     rows, columns = fields[0].picture.shape
@@ -60,62 +59,39 @@ def _on_picture(measured: Measured, each: Any) -> Figure:
 
 
 @styled
-def features(measured: Measured) -> Drawing:
-    """Places of the features, and of those whose vectors were rejected."""
-
-    def each(axes: Any, field: Any) -> None:
-        x, y, good = field.vectors.x, field.vectors.y, field.vectors.good
-        axes.plot(x[good], y[good], ".", color=GREEN, ms=1.5)
-        axes.plot(x[~good], y[~good], "x", color=ORANGE, ms=3)
-
-    caption = (
-        "Dots lie everywhere in the grains and nowhere else. Crosses, the rejected ones, are few."
-    )
-    return Drawing(_on_picture(measured, each), caption)
-
-
-@styled
 def vectors(measured: Measured) -> Drawing:
-    """Vectors that passed all tests."""
-    fastest = max(float(np.hypot(f.vectors.u, f.vectors.v)[f.vectors.good].max()) for f in
-                  measured.fields)  # fmt: skip
+    """Vectors, features whose vectors were rejected, and the line of the free surface."""
+    kept = [field.vectors.kept() for field in measured.fields]
+    fastest = max(float(np.hypot(good.u, good.v).max()) for good in kept)
 
-    def each(axes: Any, field: Any) -> None:
-        good = field.vectors.kept()
+    def each(axes: Any, field: Field) -> None:
+        all_, good = field.vectors, field.vectors.kept()
+        rows, columns = field.picture.shape
         some = slice(None, None, max(1, good.x.size // ARROWS))
-        scale = fastest / (LENGTH * field.picture.shape[1])
-        arrows = {"angles": "xy", "scale_units": "xy", "scale": scale, "width": 0.0015}
-        axes.quiver(*(a[some] for a in (good.x, good.y, good.u, good.v)), color=BLUE, **arrows)
-
-    caption = f"Arrows vary smoothly; the longest is {fastest:.3g} px per frame."
-    return Drawing(_on_picture(measured, each), caption)
-
-
-@styled
-def surface(measured: Measured) -> Drawing:
-    """The line of the free surface."""
-
-    def each(axes: Any, field: Any) -> None:
+        arrows = {"angles": "xy", "scale_units": "xy", "scale": fastest / (LENGTH * columns)}
+        places = (a[some] for a in (good.x, good.y, good.u, good.v))
+        axes.quiver(*places, color=SKY, width=0.0015, **arrows)
+        axes.plot(all_.x[~all_.good], all_.y[~all_.good], "x", color=ORANGE, ms=3)
         if measured.line is not None:
             now = measured.line.t == field.number
-            y = field.picture.shape[0] - measured.line.y[now]
-            axes.plot(measured.line.x[now], y, ".", color=ORANGE, ms=1.5)
+            axes.plot(measured.line.x[now], rows - measured.line.y[now], ".", color=GREEN, ms=1.5)
 
-    return Drawing(_on_picture(measured, each), "Dots follow the upper edge of the grains.")
+    caption = (
+        f"Arrows vary smoothly; the longest is {fastest:.3g} px per frame. They lie everywhere in "
+        "the grains and nowhere else. Crosses, the rejected features, are few. Green dots follow "
+        "the upper edge of the grains."
+    )
+    return Drawing(_on_picture(measured, each), caption)
 
 
 @styled
 def history(measured: Measured) -> Drawing:
     """Motion, light and sharpness of every frame."""
     figure = new_figure(4.5)
-    film = measured.film
-    rows = (
-        ("fast grains [px]", film.fast),
-        ("grey level", film.light),
-        ("sharpness", film.sharp),
-    )
-    for axes, (name, values) in zip(figure.subplots(len(rows), 1, sharex=True), rows, strict=True):
-        axes.plot(values, color=BLUE, lw=0.8)
+    names = {"fast": "fast grains [px]", "light": "grey level", "sharp": "sharpness"}
+    rows = zip(figure.subplots(len(names), 1, sharex=True), names.items(), strict=True)
+    for axes, (key, name) in rows:
+        axes.plot(getattr(measured.film, key), color=BLUE, lw=0.8)
         axes.set_ylabel(name)
         if measured.judgement.release is not None:
             axes.axvline(measured.judgement.release, color=ORANGE, lw=0.8)
@@ -127,7 +103,7 @@ def history(measured: Measured) -> Drawing:
 def temperature(measured: Measured) -> Drawing:
     """Half of the mean square of the motion around that of the neighbors."""
 
-    def each(axes: Any, field: Any) -> None:
+    def each(axes: Any, field: Field) -> None:
         good = field.vectors.kept()
         rows, columns = field.picture.shape
         bins = [max(1, round(PATCHES * rows / columns)), PATCHES]

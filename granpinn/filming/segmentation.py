@@ -29,9 +29,12 @@ Level = npt.NDArray[np.float32]
 CELL = 0.5  # side of a cell of the fraction, grain diameters
 SMOOTHING = 0.5  # standard deviation of the average, grain diameters
 EDGE = 3.0  # of the average that evens out single grains of the surface, cells
+JITTER = 3  # cells by which the edge moves along a wall at rest
 AROUND = 8.0  # of the mean over the grains around, cells
 SEPARATED = 0.72  # part of the variance between the classes; at most 0.66 in grains alone
 MAX_JUMP = 0.1  # change of the area of the grains from frame to frame that a flow can make
+FLOOR = 15.0  # least length of a floor, grain diameters
+OF_EDGE = 1 / 3  # least part of the lower edge within half a grain of it; no floor: up to 0.17
 
 
 @dataclass(frozen=True)
@@ -115,14 +118,39 @@ def traced(
     y, x = (size * (np.arange(cells) + 0.5) for size, cells in zip(sizes, c.shape[1:], strict=True))
     area = c.sum(axis=(1, 2))
     steady = np.abs(area / median_filter(area, 5, mode="nearest") - 1) < MAX_JUMP
-    found = from_fraction(c[steady], t[steady], y, x, (-up[0], -up[1]))
-    if found is None or view is None:
-        return found
-    hidden = cv2.erode(view, np.ones((2 * int(grain) + 1,) * 2, np.uint8)) == 0
-    column = np.clip(found.x.astype(int), 0, shape[1] - 1)
-    row = np.clip((shape[0] - found.y).astype(int), 0, shape[0] - 1)
-    seen = ~hidden[row, column]
-    return Surface(found.t[seen], found.x[seen], found.y[seen]) if seen.any() else None
+    if view is not None:
+        near = cv2.erode(view, np.ones((2 * int(grain) + 1,) * 2, np.uint8))
+        c[:, cv2.resize(near, c.shape[:0:-1], interpolation=cv2.INTER_AREA)[::-1] < 255] = np.nan
+    return from_fraction(c[steady], t[steady], y, x, (-up[0], -up[1]), JITTER)
+
+
+def floor(edge: Surface | None, grain: float) -> tuple[float, float] | None:
+    """Angle of the straight floor below the grains and its standard deviation, radians.
+
+    The line within a grain of the most points of the lower edge. Both of its ends are known to the
+    rms distance of the edge.
+
+    Args:
+        edge: the line that `traced` finds in a picture turned by 180 degrees, px, y up.
+    """
+    if edge is None:
+        return None
+    x, y = edge.x / grain, edge.y / grain
+    points = np.stack([x, y], -1)[:, None].astype(np.float32)
+    reach, eighth = float(np.hypot(x, y).max()), math.pi / 4
+    normals = eighth, 3 * eighth, eighth / 90
+    lines = cv2.HoughLinesPointSet(points, 1, 1, -reach, reach, CELL, *normals)
+    _, distance, normal = lines.reshape(-1, 3)[0]
+    slope, level = -1 / math.tan(normal), distance / math.sin(normal)
+    for _ in range(5):
+        away = y - level - slope * x
+        near = np.abs(away) < 1
+        length = CELL * np.unique(x[near] // CELL).size
+        if length < FLOOR or np.mean(np.abs(away) < HALF) < OF_EDGE:
+            return None
+        slope, level = np.polyfit(x[near], y[near], 1)
+    sd = math.sqrt(2) * float(np.std(away[near])) / length / (1 + slope**2)
+    return math.atan(slope), sd
 
 
 def _averaged(picture: Picture, grain: float, texture: bool) -> Level:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from granpinn.arrays import Bool, Float64
 from granpinn.filming.frames import ImageSequence, Picture
@@ -30,7 +30,6 @@ REPEATED, LOST = 0.3, 1.6  # motion over that before and after it
 SHIFT = 0.4  # px, motion of the slowest features that is none of the grains
 FLICKER = 0.05  # change of the light from one frame to the next
 BLURRED = 0.5  # sharpness over that of the film
-FEWEST = 40  # features of a frame with texture
 FOUND = 0.5  # share of the features that can be followed
 SHOWN = 6  # frame numbers in a message
 
@@ -41,14 +40,13 @@ class Survey:
 
     Attributes:
         fast, slow: quantiles of the motion, px. found: share of the features that were followed.
-        count: features. light: mean grey level. sharp: mean square of the second differences.
+        light: mean grey level. sharp: mean square of the second differences.
         broken: why a frame cannot be used.
     """
 
     fast: Float64
     slow: Float64
     found: Float64
-    count: Float64
     light: Float64
     sharp: Float64
     broken: dict[int, str] = field(default_factory=dict)
@@ -80,9 +78,7 @@ def survey(frames: ImageSequence, grains: Callable[[Picture], Picture], grain: f
         grains: a picture to its pixels that show grains, not 0 [rows, columns].
         grain: diameter, px.
     """
-    names = [f.name for f in fields(Survey) if f.name != "broken"]
-    empty: Any = {name: np.full(frames.count, np.nan) for name in names}
-    found = Survey(**empty)
+    found = Survey(*np.full((5, frames.count), np.nan))
     before: Picture | None = None
     places = np.zeros((0, 2))
     for k, (picture, why) in enumerate(frames):
@@ -90,20 +86,17 @@ def survey(frames: ImageSequence, grains: Callable[[Picture], Picture], grain: f
             found.broken[k] = why
             before, places = None, places[:0]
             continue
-        small = picture[::2, ::2].astype(np.float32)
-        found.light[k] = small.mean()
+        found.light[k] = picture[::2, ::2].mean()
         found.sharp[k] = np.mean(np.diff(picture[::2].astype(np.float32), 2) ** 2)
         if before is not None:
             if k % RENEWED == 0 or len(places) < SAMPLES // 2:
                 places = features(before, grain, grains(before), SAMPLES)
-            found.count[k] = len(places)
-            motion = follow(before, picture, places, side_of_window(grain))
-            if len(places):
-                found.found[k] = motion.found.mean()
-            if motion.found.any():
-                size = np.hypot(*motion.moved[motion.found].T)
+            moved, again = follow(before, picture, places, side_of_window(grain))
+            found.found[k] = again.sum() / max(len(places), 1)
+            if again.any():
+                size = np.hypot(*moved[again].T)
                 found.slow[k], found.fast[k] = np.quantile(size, (SLOW, FAST))
-            places = (places + motion.moved)[motion.found]
+            places = (places + moved)[again]
         before = picture
     return found
 
@@ -147,18 +140,13 @@ def judged(film: Survey, frames: ImageSequence) -> UsableFrames:
 
 def _require_motion(film: Survey) -> None:
     """Refuses films without texture, without motion, or with too much of it."""
-    count = float(np.nanmedian(film.count))
-    if count < FEWEST:
-        raise DataFileError(
-            f"the grains must have texture, got {count:.0f} features in a frame: light them from "
-            "the side, colour a part of them, or come nearer with the camera"
-        )
     lost = film.found < FOUND
     if lost.mean() > FOUND / 5:
         raise DataFileError(
-            f"grains must move by a few px from frame to frame, but in {lost.sum()} of {lost.size} "
-            f"frames, such as {_numbers(lost)}, less than half of the features are found again: "
-            "film at a higher frame rate"
+            "the grains must have texture and move by a few px from frame to frame, but in "
+            f"{lost.sum()} of {lost.size} frames, such as {_numbers(lost)}, less than half of the "
+            "features are found again: film at a higher frame rate, light the grains from the "
+            "side, or come nearer with the camera"
         )
     fast = float(np.nanquantile(film.fast, FAST))
     if fast > LARGEST:
@@ -174,12 +162,9 @@ def _require_motion(film: Survey) -> None:
 
 
 def _usual(values: Float64) -> Float64:
-    """Median of the AROUND values before and after each one, without itself."""
-    padded = np.pad(values, AROUND, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
-    others = np.delete(windows, AROUND, axis=1)
-    known = np.where(np.isfinite(others).any(axis=1, keepdims=True), others, 0.0)
-    return np.asarray(np.nanmedian(known, axis=1))
+    """Median of each value and the AROUND ones before and after it."""
+    around = pd.Series(values).rolling(2 * AROUND + 1, center=True, min_periods=1)
+    return np.asarray(around.median())
 
 
 def _release(fast: Float64) -> tuple[float | None, float]:

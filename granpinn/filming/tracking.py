@@ -14,14 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
+import pandas as pd
 from scipy.spatial import cKDTree
 
-from granpinn.arrays import Bool, Float64, Int64
+from granpinn.arrays import Bool, Float32, Float64, Floats, Int64
 from granpinn.filming.frames import Picture
 
 SMALLEST, LARGEST = 2.0, 8.0  # px between the first and the last image of a vector
@@ -29,6 +29,7 @@ LONGEST = 8  # largest h, frames
 WINDOW = 1.5  # grain diameters, the side of a window
 MOST = 3000  # features of a frame
 QUALITY = 0.003  # of the strongest feature
+LEVELS = 2  # of the pyramid above the pictures; the last one has pixels 4 times as large
 MAX_RETURN = 1.0  # px, the forward-backward error of a vector
 NEIGHBORS = 12
 MAX_MEDIAN = 3.0  # deviation from the median of the neighbors, in their usual deviation
@@ -37,13 +38,6 @@ REGION = 8.0  # grain diameters, the side of a region
 FAST = 0.9  # quantile of the speed in a region
 ROUNDING, SCATTER = 0.01, 0.8  # deviation by the lattice, px; part of the variance of neighbors
 _STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.003)
-
-
-class Displacements(NamedTuple):
-    """Displacements [n, 2], and whether they come back to where they began [n]."""
-
-    moved: npt.NDArray[np.float32]
-    found: Bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,32 +79,25 @@ def features(picture: Picture, grain: float, where: Picture | None, most: int = 
 
 
 def follow(
-    first: Picture,
-    second: Picture,
-    places: Float64,
-    window: int,
-    guess: Float64 | None = None,
-    levels: int = 3,
-) -> Displacements:
-    """Follows places [n, 2] from one picture to another and back.
+    first: Picture, second: Picture, places: Float64, window: int, guess: Floats | None = None
+) -> tuple[Float32, Bool]:
+    """Displacements [n, 2] from one picture to another, and whether they come back [n].
 
     Args:
-        guess: displacements [n, 2]; none: the search begins where they are.
+        places, guess: where the features are, and their displacements [n, 2]; none: 0.
     """
     if len(places) == 0:
-        return Displacements(np.zeros((0, 2), np.float32), np.zeros(0, bool))
+        return np.zeros((0, 2), np.float32), np.zeros(0, bool)
     start = places.astype(np.float32)
     moved = np.zeros_like(start) if guess is None else guess.astype(np.float32)
-    flags = cv2.OPTFLOW_USE_INITIAL_FLOW
-    size = (window, window)
-    options: Any = {"winSize": size, "maxLevel": levels, "criteria": _STOP, "flags": flags}
+    options: Any = {"winSize": (window, window), "maxLevel": LEVELS, "criteria": _STOP}
+    options["flags"] = cv2.OPTFLOW_USE_INITIAL_FLOW
     there, seen, _ = cv2.calcOpticalFlowPyrLK(first, second, start, start + moved, **options)
     back, again, _ = cv2.calcOpticalFlowPyrLK(second, first, there, there - moved, **options)
     rows, columns = first.shape
     inside = (there >= 0).all(1) & (there[:, 0] < columns) & (there[:, 1] < rows)
-    error = np.hypot(*(back - start).T)
-    found = (seen[:, 0] == 1) & (again[:, 0] == 1) & inside & (error < MAX_RETURN)
-    return Displacements(there - start, found)
+    close = np.hypot(*(back - start).T) < MAX_RETURN
+    return there - start, (seen[:, 0] == 1) & (again[:, 0] == 1) & inside & close
 
 
 def velocities(
@@ -126,20 +113,20 @@ def velocities(
     """
     window = side_of_window(grain)
     places = features(pictures[0], grain, where)
-    near = follow(pictures[0], pictures[1], places, window)
-    places = places[near.found]
-    speed, guess = _regions(places, near.moved[near.found].astype(np.float64), grain)
-    most = np.clip(LARGEST / (2 * np.maximum(speed, 1e-3)), 1, min(reach, LONGEST))
+    moved, found = follow(pictures[0], pictures[1], places, window)
+    places, guess = places[found], moved[found]
+    fast = _fast(places, np.hypot(*guess.T), grain)
+    most = np.clip(LARGEST / (2 * np.maximum(fast, 1e-3)), 1, min(reach, LONGEST))
     step = 2 ** np.floor(np.log2(most)).astype(np.int64)
     velocity, good = np.zeros((len(places), 2)), np.zeros(len(places), bool)
     for h in np.unique(step):
         now = step == h
         ahead, behind = (
-            follow(pictures[0], pictures[sign * h], places[now], window, sign * h * guess[now], 2)
+            follow(pictures[0], pictures[sign * h], places[now], window, sign * h * guess[now])
             for sign in (1, -1)
         )
-        velocity[now] = (ahead.moved - behind.moved) / (2 * h)
-        good[now] = ahead.found & behind.found
+        velocity[now] = (ahead[0] - behind[0]) / (2 * h)
+        good[now] = ahead[1] & behind[1]
     good[good] = ~_outliers(places[good], velocity[good], step[good])
     scatter = np.zeros(len(places))
     scatter[good] = _scatter(places[good], velocity[good])
@@ -148,18 +135,10 @@ def velocities(
     return TrackedVectors(x, y, u, v, sd, scatter, step, good)
 
 
-def _regions(places: Float64, moved: Float64, grain: float) -> tuple[Float64, Float64]:
-    """Speed of the fast grains [n] and median displacement [n, 2] of the region of each place."""
-    if len(places) == 0:
-        return np.zeros(0), np.zeros((0, 2))
-    cell = (places // max(REGION * grain, 32.0)).astype(np.int64)
-    _, region = np.unique(cell, axis=0, return_inverse=True)
-    speed, median = np.zeros(region.max() + 1), np.zeros((region.max() + 1, 2))
-    for k in range(speed.size):
-        own = moved[region == k]
-        speed[k] = np.quantile(np.hypot(*own.T), FAST)
-        median[k] = np.median(own, axis=0)
-    return speed[region], median[region]
+def _fast(places: Float64, size: Float64, grain: float) -> Float64:
+    """Displacement [n] of the fast grains in the region of each place."""
+    cell = places // max(REGION * grain, 32.0)
+    return np.asarray(pd.Series(size).groupby([*cell.T]).transform("quantile", FAST), np.float64)
 
 
 def _outliers(places: Float64, velocity: Float64, step: Int64) -> Bool:
@@ -180,10 +159,7 @@ def _scatter(places: Float64, velocity: Float64) -> Float64:
     if len(places) <= NEIGHBORS:
         return np.zeros(len(places))
     near = cKDTree(places).query(places, NEIGHBORS + 1)[1]
-    offset = places[near] - places[:, None]
-    scale = np.sqrt((offset**2).mean(axis=(1, 2)))[:, None, None] + 1e-9
-    plane = np.concatenate([np.ones((*near.shape, 1)), offset / scale], axis=2)
-    normal = plane.transpose(0, 2, 1) @ plane + 1e-9 * np.eye(3)
-    solved = np.linalg.solve(normal, plane.transpose(0, 2, 1) @ velocity[near])
-    left = velocity[near] - plane @ solved
+    plane = np.insert(places[near] - places[:, None], 0, 1.0, axis=2)
+    q = np.linalg.qr(plane)[0]
+    left = velocity[near] - q @ (q.transpose(0, 2, 1) @ velocity[near])
     return np.asarray((left**2).sum(axis=(1, 2)) / (2 * (NEIGHBORS + 1 - 3)))

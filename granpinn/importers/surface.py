@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.ndimage import binary_erosion
 
 from granpinn.arrays import Float64
 from granpinn.data.flow import Surface
@@ -23,12 +24,18 @@ NEAR = 0.1  # of 1/2: scattered cells that the surface cuts through
 
 
 def from_fraction(
-    c: Float64, t: Float64, y: Float64, x: Float64, gravity: tuple[float, float]
+    c: Float64, t: Float64, y: Float64, x: Float64, gravity: tuple[float, float], jitter: int = 0
 ) -> Surface | None:
-    """The free surface of a volume fraction [T, Y, X]; None if there is none."""
+    """The free surface of a volume fraction [T, Y, X]; None if there is none.
+
+    Args:
+        jitter: cells by which the edge of the grains moves along a wall at rest.
+    """
     g = math.hypot(*gravity)
     up = {1: -gravity[1] / g, 2: -gravity[0] / g}  # cosine of each axis with the vertical
     ever = (c > HALF).any(axis=0)
+    if jitter:
+        ever = binary_erosion(ever, iterations=jitter, border_value=1)
     points = []
     for axis, coordinate in ((1, y), (2, x)):
         low = np.moveaxis(c, axis, 0)[:-1]

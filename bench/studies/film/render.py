@@ -42,6 +42,7 @@ class Shot:
         blur: standard deviation, px; exposure: part of the time between frames.
         read, photon: variance of a grey level is read^2 + photon * light.
         period: m, after which the sides repeat; None: walls.
+        turn: degrees, counter-clockwise, of the flow in the picture; the camera is turned back.
     """
 
     pixel: float
@@ -60,6 +61,12 @@ class Shot:
     read: float = 2.0
     photon: float = 0.15
     period: float | None = None
+    turn: float = 0.0
+
+    def turned(self, x: Any, y: Any) -> Array:
+        """Places of the flow in the axes of the picture [2, n]."""
+        cos, sin = np.cos(np.radians(self.turn)), np.sin(np.radians(self.turn))
+        return np.stack([cos * x - sin * y, sin * x + cos * y])
 
 
 @dataclass
@@ -97,10 +104,14 @@ def _seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Genera
     """One grain in every square of 0.85 diameters: the picture of the inside has few gaps."""
     side = 0.85 * shot.grain * shot.pixel
     wide, high = shot.columns * shot.pixel, shot.rows * shot.pixel
+    if shot.turn:
+        wide = high = wide + high
     i, j = np.meshgrid(np.arange(-1, wide // side + 2), np.arange(-1, high // side + 2))
     corners = np.stack([i.ravel(), j.ravel()])
-    place = (corners + random.random(corners.shape)) * side + np.array(shot.corner)[:, None]
+    place: Any = (corners + random.random(corners.shape)) * side
     inside = (field.fraction(t, *place) > 0.5) & (place[1] > 0)
+    if shot.turn:
+        inside &= (place[0] > 0) & (place[0] < (shot.period or field.x[-1]))
     place = place[:, inside]
     n = place.shape[1]
     spots = np.stack(
@@ -145,7 +156,7 @@ def _light(grains: Grains, shot: Shot) -> Array:
     rows, columns = shot.rows * FINE, shot.columns * FINE
     picture = np.full(rows * columns, shot.background, np.float32)
     corner = np.array(shot.corner)[:, None]
-    x, y = (grains.place - corner) / shot.pixel * FINE
+    x, y = (shot.turned(*grains.place) - corner) / shot.pixel * FINE
     y = rows - y
     reach = int(np.ceil(grains.radius.max() * FINE)) + 1
     offset = np.arange(-reach, reach + 1)
@@ -158,7 +169,7 @@ def _light(grains: Grains, shot: Shot) -> Array:
         value = 1 - 0.5 * square + 0.35 * np.exp(-8 * ((a + 0.3) ** 2 + (b + 0.3) ** 2))
         for k in range(SPOTS):
             distance, phase, strength = grains.spots[part, k].T
-            phase = phase - grains.angle[part]  # rows point down
+            phase = phase - grains.angle[part] - np.radians(shot.turn)  # rows point down
             p, q = (
                 (distance * f(phase)).astype(np.float32)[:, None, None] for f in (np.cos, np.sin)
             )
