@@ -103,7 +103,7 @@ class Resimulation(Record):
             f"{self.common_percent:.0f} % of the points"
         )
         if self.layer is not None:
-            return f"{text}; no fit of the simulator, which exists for collapses alone"
+            return text
         return text + (
             f", front by {self.front_percent:.2f} % and surface by {self.profile_percent:.2f} % of "
             f"the initial height (rms)"

@@ -37,7 +37,6 @@ class Context:
         keep_fields: whether fields.h5 is written there.
         fields: the predicted fields, where they are kept.
         shear: the points of the fields where grains shear.
-        runs: where the folders of further trainings are.
         pool: threads for simulations side by side.
         identify_many: identifies further flows (identification/batch.py).
         shown: called with the result whenever it has grown.
@@ -57,7 +56,6 @@ class Context:
     keep_fields: bool = True
     fields: Fields | None = None
     shear: Shear | None = None
-    runs: Path | None = None
     pool: Executor | None = None
     identify_many: Callable[..., Sequence[Result]] | None = None
     shown: Callable[[Result], None] | None = None

@@ -132,7 +132,7 @@ def identify(
             answer.with_fields(context)
             answer.with_intervals([context], run)
             answer.with_curve(context, on_values)
-        context.pool, context.identify_many, context.runs = pool, identify_many, folder_of(run_dir)
+        context.pool, context.identify_many = pool, identify_many
         run.progress.stage(CHECKS)
         make(context, checks)
         return answer.kept(context)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import math
+import shutil
 import unicodedata
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,8 +20,7 @@ from markupsafe import Markup, escape
 
 from granpinn.declared import checked
 from granpinn.figures import album, maps
-from granpinn.output import write_text
-from granpinn.report.vtkhdf import write_vtkhdf
+from granpinn.output import replacing, write_text
 from granpinn.results import (
     Fields,
     FieldsFileError,
@@ -32,7 +32,6 @@ from granpinn.results import (
 )
 from granpinn.results.assessment import reach_of
 from granpinn.results.result import in_words, true_friction
-from granpinn.terminal import say
 from granpinn.training.history import HistoryFileError, read_history
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -93,10 +92,15 @@ def read(folder: Path, time: float | None = None) -> tuple[album.Source, list[st
 
 
 def for_paraview(run_dir: str | Path) -> Path:
-    """Write fields.vtkhdf of a run; FieldsFileError if there is no valid fields.h5."""
-    path = Path(run_dir) / "fields.vtkhdf"
-    if write_vtkhdf(read_fields(Path(run_dir) / "fields.h5"), path):
-        say(f"{path.name}: the grid is uneven; its values were moved to the nearest even points")
+    """Copy fields.h5 to fields.nc: by this name ParaView opens it, with its reader of netCDF files.
+
+    Raises:
+        FieldsFileError: there is no valid fields.h5.
+    """
+    fields, path = Path(run_dir) / "fields.h5", Path(run_dir) / "fields.nc"
+    read_fields(fields)
+    with replacing(path) as temporary:
+        shutil.copyfile(fields, temporary)
     return path
 
 

@@ -116,7 +116,6 @@ class Check:
         trains: whether it trains more networks, in which every process takes part.
         explains: whether a slip that it finds explains what later checks of this kind would find,
             which are then left out.
-        refuse: raises ConfigError for settings under which it cannot be asked for.
     """
 
     name: str
@@ -127,7 +126,6 @@ class Check:
     quick: bool = True
     trains: bool = False
     explains: bool = False
-    refuse: Callable[[Config], None] | None = None
 
     def wanted(self, config: Config) -> bool:
         """Whether the settings want this check of a fit."""

@@ -291,7 +291,6 @@ def number(value: float | None, spec: str) -> str:
     return "-" if value is None else format(value, spec)
 
 
-BAND_POINTS = 200  # of laws that are compared over a range of I
 NORMAL_90 = 1.645  # half-width of the central 90 % of a normal distribution, in sd
 
 

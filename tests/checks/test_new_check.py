@@ -112,8 +112,8 @@ def test_a_check_that_is_not_there_is_refused(flow: Flow, tmp_path: Path) -> Non
     [
         ({}, {"momentum_balance", "simulated_pressure"}),
         ({"checks": "none"}, set()),
-        ({"checks": "none", "resimulate": True}, {"resimulation", "simulator_fit"}),
-        ({"checks": "simulator_fit"}, {"simulator_fit"}),
+        ({"checks": "none", "resimulate": True}, {"resimulation"}),
+        ({"checks": "resimulation"}, {"resimulation"}),
         ({"checks": "quick,shared_law"}, {"momentum_balance", "simulated_pressure", "shared_law"}),
     ],
 )
