@@ -21,6 +21,7 @@ from markupsafe import Markup, escape
 from granpinn.declared import checked
 from granpinn.figures import album, maps
 from granpinn.output import replacing, write_text
+from granpinn.output.table import Table
 from granpinn.results import (
     Fields,
     FieldsFileError,
@@ -31,7 +32,7 @@ from granpinn.results import (
     write_csv,
 )
 from granpinn.results.assessment import reach_of
-from granpinn.results.result import in_words, true_friction
+from granpinn.results.result import in_words, percent, true_friction
 from granpinn.training.history import HistoryFileError, read_history
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -114,8 +115,16 @@ def render(
     settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
     law, curve = result.friction_law, result.law.curve
     true = None if curve is None else true_friction(result, np.array(curve.I))
-    return template("report.html", duration=duration, base64=encoded).render(
+    flows = Table(
+        ("Flow", "inertial numbers", "vectors", "use"),
+        [
+            (flow.input.name, flow.shear, f"{flow.data.n_points:,}", flow.assessment.headline)
+            for flow in result.flows
+        ],
+    )
+    return template("report.html", duration=duration, base64=encoded, percent=percent).render(
         r=result,
+        flows=flows,
         law=law,
         not_done=[(in_words(name), why) for name, why in result.not_done.items()],
         has_truth=any(result.error_percent.get(name) is not None for name in law.names),

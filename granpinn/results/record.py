@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from granpinn.output.table import Table as Table  # checks take it from here
 
 if TYPE_CHECKING:
     from granpinn.config import Config
@@ -46,22 +48,6 @@ class Reason:
 
     def __str__(self) -> str:
         return f"{self.grade}: {self.sentence}"
-
-
-class Table(NamedTuple):
-    """Texts in columns; the first cell of a row is its name."""
-
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-    def lines(self) -> list[str]:
-        """The lines for a terminal: names to the left, other cells to the right."""
-        every = [self.head, *self.rows]
-        wide = [max(len(row[k]) for row in every) for k in range(len(self.head))]
-        return [
-            "  ".join([row[0].ljust(wide[0]), *map(str.rjust, row[1:], wide[1:])]).rstrip()
-            for row in every
-        ]
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 from granpinn.config import flatten
 from granpinn.output import write_text
+from granpinn.output.table import Table
 from granpinn.report.page import duration, template
 from granpinn.results import number, plain
 from granpinn.results.parameters import PRESSURES, SIMULATED
-from granpinn.results.record import Table
 from granpinn.results.results_file import write_table
 from granpinn.tables.paper import SOURCE_1, SOURCE_2, VELOCITY_ALONE, PaperRow
 from granpinn.tables.rows import TableRow
