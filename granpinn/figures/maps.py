@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -225,7 +225,12 @@ def draw_map(axes: Axes, fields: Fields, window: Window, one: Map) -> None:
     """One map with its axes, color bar and the free surface (c = 0.5)."""
     x, y = fields.x[window.columns], fields.y[window.rows]
     cut = np.ma.masked_invalid(one.values[window.rows, window.columns])
-    look = {"norm": one.norm, "cmap": one.colormap, "shading": "nearest", "rasterized": True}
+    look: dict[str, Any] = {
+        "norm": one.norm,
+        "cmap": one.colormap,
+        "shading": "nearest",
+        "rasterized": True,
+    }
     image = axes.pcolormesh(x, y, cut, **look)
     c = np.nan_to_num(fields.c[window.k, window.rows, window.columns])
     if min(c.shape) > 1 and c.min() < 0.5 < c.max():
@@ -234,7 +239,7 @@ def draw_map(axes: Axes, fields: Fields, window: Window, one: Map) -> None:
     axes.set_title(one.title)
     axes.set_xlabel(label("$x$", fields.units.of("length")))
     axes.set_ylabel(label("$y$", fields.units.of("length")))
-    bar = {"label": one.text, "extend": one.extend, "pad": 0.02, "aspect": 14}
+    bar: dict[str, Any] = {"label": one.text, "extend": one.extend, "pad": 0.02, "aspect": 14}
     axes.figure.colorbar(image, ax=axes, **bar)
 
 
