@@ -108,7 +108,7 @@ def write(study: Study, folder: Path) -> Path:
         version=study.rows[0].results[0].versions.get("granpinn", ""),
     )
     rows = [
-        {"case": row.case.name, "failure": result.failure} | cells_of(result)
+        {"case": row.case.name, "failure": result.failure, **cells_of(result)}
         for row in study.rows
         for result in row.results
     ]
