@@ -42,9 +42,7 @@ def test_the_fall_is_measured(acceleration: float, degrees: float, noise: float,
     assert fall.side == "top"
     assert fall.error < 0.05
     assert abs(fall.size - acceleration) < 4 * fall.error + 1e-6
-    assert (
-        abs(fall.tilt(flow.gravity) - degrees) < 4 * math.degrees(fall.error / acceleration) + 1e-3
-    )
+    assert abs(fall.tilt - degrees) < 4 * math.degrees(fall.error / acceleration) + 1e-3
 
 
 def test_a_slender_column_falls_freely() -> None:
