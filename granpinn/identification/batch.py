@@ -62,7 +62,7 @@ def identify_many(
 ) -> list[Identification]:
     """Identify many flows side by side, each as `identify` would, in one batch.
 
-    Checks that train more networks (--free-I0) are left out.
+    Checks that train more networks are left out.
 
     The members share the settings, hence the shape of the network and the schedule. Each has its
     own data, friction law, I0 and seed (of the network, of the batches and of the noise). Members

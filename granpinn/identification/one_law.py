@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from granpinn.checks import comparison_of_laws, shared_law, wanted
+from granpinn.checks import comparison_of_laws, shared_law, unknown_I0, wanted
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.estimates.confined import undetermined
@@ -47,7 +47,7 @@ def identify_one_law(
         ConfigError: the settings ask for a check of a single flow, or a flow cannot take part.
     """
     checks, together = wanted(config), processes(choose_device(config.device))
-    single = (comparison_of_laws.CHECK, *(check for check in checks if check.trains))
+    single = (comparison_of_laws.CHECK, unknown_I0.CHECK, *(c for c in checks if c.trains))
     own = [check for check in checks if check not in single]
     for check in checks:
         if check in single and check is not shared_law.CHECK and check.asked(config):
