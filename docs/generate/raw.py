@@ -16,7 +16,6 @@ FILES = {
     "laws": f"{STUDIES}/laws/choice/results/rows.csv",
     "exact flows": f"{STUDIES}/floor/results/rows.csv",
     "scenes": f"{STUDIES}/grains/results/scenes.md",
-    "simulator fit": f"{STUDIES}/simulator_fit/results/rows.csv",
     "contradictions": f"{STUDIES}/reliability/results/contradictions.csv",
     "windows": f"{STUDIES}/window/results/rows.json",
     "tracks": f"{STUDIES}/experiment/results/tracks.json",

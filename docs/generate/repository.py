@@ -21,7 +21,7 @@ PAGES = {
 }
 COPIES = "repository"  # folder of the copies on the site
 NOTEBOOKS = "examples/*.ipynb"
-NOTES = "bench/studies/**/note.md"  # that of simulator_fit is evidence/simulator-fit.md
+NOTES = "bench/studies/**/note.md"  # that of inertial_number is evidence/inertial-number.md
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s:]+)(#[^)\s]*)?\)")
 
 

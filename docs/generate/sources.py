@@ -157,15 +157,6 @@ def balances() -> list[float]:
     return errors
 
 
-def simulator_fits(name: str) -> list[float]:
-    """Rms errors of fits of the simulator on 512 cells, with noise of 20 %, in %, for each law."""
-    fits = [row for row in rows("simulator fit") if (row["cells"], row["noise"]) == ("512", "0.2")]
-    laws: dict[str, list[float]] = {row["mu_s mu_2"]: [] for row in fits}
-    for row in fits:
-        laws[row["mu_s mu_2"]].append(float(row[f"{name}_percent"]))
-    return [math.sqrt(statistics.fmean(x * x for x in draws)) for draws in laws.values()]
-
-
 def reference_pressures(name: str) -> list[float]:
     """Errors of the pressure in collapses of another solver, in %."""
     return [float(row[f"{name}_percent"]) for row in reference_fields()]
@@ -338,8 +329,6 @@ NUMBERS: dict[str, Callable[[], str]] = {
     "exact.mu_2": lambda: rms(exact_flows("mu_2")),
     "balance.mu": lambda: span(balances()),
     "laws.told": lambda: f"{sum(laws_told())} of {len(laws_told())}",
-    "fit.mu_s": lambda: between(simulator_fits("mu_s")),
-    "fit.mu_2": lambda: between(simulator_fits("mu_2")),
     "pressure.flowing": lambda: between(reference_pressures("pressure_flowing")),
     "pressure.resting": lambda: between(reference_pressures("pressure_at_rest")),
     # Error bars

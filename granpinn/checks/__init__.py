@@ -15,8 +15,7 @@ def wanted(config: Config) -> list[Check]:
     """The checks that the settings want, in their order.
 
     Raises:
-        ConfigError: --checks has an unknown word, or the settings ask for a check that they cannot
-            have.
+        ConfigError: --checks has an unknown word.
     """
     known = (NONE, QUICK, ALL, *names(FIT))
     for word in config.checks.split(","):
@@ -25,8 +24,4 @@ def wanted(config: Config) -> list[Check]:
                 f"--checks must be words of {', '.join(known)}, with commas between them, got "
                 f"{word!r}"
             )
-    checks = [check for check in every(FIT) if check.wanted(config)]
-    for check in checks:
-        if check.refuse is not None and check.asked(config):
-            check.refuse(config)
-    return checks
+    return [check for check in every(FIT) if check.wanted(config)]

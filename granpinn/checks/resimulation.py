@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -103,7 +103,7 @@ class Resimulation(Record):
             f"{self.common_percent:.0f} % of the points"
         )
         if self.layer is not None:
-            return f"{text}; no fit of the simulator, which exists for collapses alone"
+            return text
         return text + (
             f", front by {self.front_percent:.2f} % and surface by {self.profile_percent:.2f} % of "
             f"the initial height (rms)"
@@ -153,18 +153,13 @@ def resimulate(
         recorder.add(t, state)
     seconds = time.monotonic() - begin
     simulated = recorder.flow()
-    found = compare(flow, spread(simulated, flow.x) if flow.periodic else simulated)
-    curves, record = (
-        found.curves,
-        Resimulation(
-            objection=None,
-            cells=scene.cells,
-            seconds=seconds,
-            velocity_percent=found.velocity_percent,
-            common_percent=found.common_percent,
-            curves=found.curves,
-        ),
+    record = replace(
+        compare(flow, spread(simulated, flow.x) if flow.periodic else simulated),
+        cells=scene.cells,
+        seconds=seconds,
     )
+    curves = record.curves
+    assert curves is not None
     if not isinstance(start, GrainColumn):
         none = (None,) * len(flow.t)
         curves = replace(curves, front=none, front_simulated=none)
@@ -179,17 +174,8 @@ def resimulate(
     )
 
 
-class Comparison(NamedTuple):
-    """The curves, velocity error over the common points, and their share of the points of the
-    data, both in %."""
-
-    curves: Curves
-    velocity_percent: float | None
-    common_percent: float
-
-
-def compare(flow: Flow, simulated: Flow) -> Comparison:
-    """The data against a simulation with frames at the same times."""
+def compare(flow: Flow, simulated: Flow) -> Resimulation:
+    """The data against a simulation with frames at the same times: velocity and curves."""
     at = interpolation(simulated, flow)
     known, found, of_frame = [], [], []
     for k in range(len(flow.t)):
@@ -214,10 +200,11 @@ def compare(flow: Flow, simulated: Flow) -> Comparison:
         "profiles": measured[frames],
         "profiles_simulated": others[frames],
     }
-    return Comparison(
-        Curves(**{name: _tuples(plain(values)) for name, values in curves.items()}),
-        relative_l2(np.concatenate(found, 1), np.concatenate(known, 1)),
-        100 * compared / max(1, int(flow.valid.sum())),
+    return Resimulation(
+        objection=None,
+        velocity_percent=relative_l2(np.concatenate(found, 1), np.concatenate(known, 1)),
+        common_percent=100 * compared / max(1, int(flow.valid.sum())),
+        curves=Curves(**{name: _tuples(plain(values)) for name, values in curves.items()}),
     )
 
 

@@ -24,9 +24,10 @@ class NewLines:
         made = {name: why for name, why in result.not_done.items() if why != PENDING}
         heading, *lines, _ = dataclasses.replace(result, not_done=made).summary().splitlines()
         table = set(takewhile(lambda line: len(line) == len(heading), lines))
-        new = [line for line in lines if line not in self._printed]
+        # Columns may be wider than before.
+        new = [line for line in lines if " ".join(line.split()) not in self._printed]
         if table.intersection(new):
             print(heading)
         for line in new:
             print(line, flush=True)
-        self._printed.update(new)
+        self._printed.update(" ".join(line.split()) for line in new)

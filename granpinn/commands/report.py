@@ -2,7 +2,7 @@
 
 It reads only the run folder: results.json, and fields.h5 and history.csv if they are there.
 It writes results.csv, figures/*.png and report.html, one page that needs no other file and no
-network. The page lists what is missing. With --paraview it writes fields.vtkhdf too.
+network. The page lists what is missing. With --paraview it writes fields.nc too.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SETTINGS = {
         "time of maps, in the unit of the flow file; default 0.7 of the last",
     ),
     "pdf": Setting(bool, False, "write the figures as PDF too, for talks"),
-    "paraview": Setting(bool, False, "write fields.vtkhdf too, the fields over time for ParaView"),
+    "paraview": Setting(bool, False, "write fields.nc too, the fields over time for ParaView"),
 }
 
 

@@ -25,12 +25,9 @@ from granpinn.command.cli import Command
 from granpinn.command.parser import Parser
 from granpinn.config import ConfigError, settings_of
 from granpinn.config.fields import Setting, flag_of
-from granpinn.data.flow import Flow
-from granpinn.output import make_folder, objection_to_file, objection_to_folder
-from granpinn.physics.laws import mu_of_i
-from granpinn.simulation import PAPER_CASES, Chute, Collapse, Scene, Silo, simulate
+from granpinn.output import objection_to_file
+from granpinn.simulation import Chute, Collapse, Scene, Silo, simulate
 from granpinn.simulation.run import lines
-from granpinn.simulation.scene import law_settings
 
 EXAMPLES = """examples:
   python -m granpinn.simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5
@@ -39,8 +36,6 @@ EXAMPLES = """examples:
       the same column with constant friction
   python -m granpinn.simulate --cells 128 --out quick.h5 --animation quick.gif
       a coarse one in a second, with an animation
-  python -m granpinn.simulate --paper-cases cases
-      the six regimes of the paper and its figure 3
   python -m granpinn.simulate --height 0.1 --aspect 2 --gravity 0,-9.81 --density 1550 --d 0.0008 \\
       --length-unit m --time-unit s --out beads.h5
       glass beads in SI units
@@ -51,7 +46,7 @@ EXAMPLES = """examples:
       a silo that empties through an opening 12 grains wide
 
 Ctrl-C stops and leaves a valid file with the frames so far, if there are two."""
-OUTPUTS = ("out", "paper_cases", "animation")
+OUTPUTS = ("out", "animation")
 SCENES: dict[str, type[Scene]] = {"collapse": Collapse, "chute": Chute, "silo": Silo}
 
 
@@ -73,7 +68,6 @@ def parser() -> Parser:
     )
     for flag, metavar, text in (
         ("--out", "FLOW.h5", "the flow file to write"),
-        ("--paper-cases", "DIR", "the paper's six regimes, to DIR"),
         ("--animation", "FILE.gif", "the flow as an animated GIF"),
     ):
         made.add_argument(flag, type=Path, metavar=metavar, help=text)
@@ -114,59 +108,33 @@ def parse(argv: Sequence[str]) -> tuple[type[Scene], dict[str, Path], dict[str, 
                 f"{flag_of(key)} is a setting of a {other}, and this is a {name}: leave it out, "
                 f"or begin with the word {other}"
             )
-    _check(SCENES[name], outputs, given)
+    _check(outputs)
     return SCENES[name], outputs, given
 
 
-def _check(scene: type[Scene], outputs: dict[str, Path], settings: dict[str, Any]) -> None:
+def _check(outputs: dict[str, Path]) -> None:
     """Raises ConfigError if the outputs are impossible, before anything is computed."""
-    if ("out" in outputs) == ("paper_cases" in outputs):
-        raise ConfigError("give either --out FLOW.h5 or --paper-cases DIR")
-    if "paper_cases" in outputs and {"law", "mu_s", "mu_2", "animation"} & {*settings, *outputs}:
-        raise ConfigError("--paper-cases has its own law, mu_s and mu_2 and makes no animation")
-    if "paper_cases" in outputs and scene is not Collapse:
-        raise ConfigError("--paper-cases are collapses: leave the word for another scene out")
+    if "out" not in outputs:
+        raise ConfigError("--out, the flow file to write, is missing: give --out FLOW.h5")
     if "animation" in outputs and outputs["animation"].suffix != ".gif":
         raise ConfigError(f"--animation must end in .gif, got {outputs['animation']}")
     for name, path in outputs.items():
-        file = name in ("out", "animation")
-        if objection := objection_to_file(path) if file else objection_to_folder(path):
+        if objection := objection_to_file(path):
             raise ConfigError(f"{flag_of(name)} {objection}")
 
 
 def run(argv: Sequence[str]) -> int:
-    scene, outputs, settings = parse(argv)
-    if "paper_cases" in outputs:
-        _paper_cases(outputs["paper_cases"], Collapse(**settings))
-        return 0
-    flow = _one(scene(**settings), outputs["out"])
+    kind, outputs, settings = parse(argv)
+    scene, out = kind(**settings), outputs["out"]
+    t_end = scene.resolved().t_end
+    assert t_end is not None
+    flow = simulate(scene, out=out, listener=lines(t_end))
+    print(f"flow file: {out}")
     if "animation" in outputs:
         from granpinn.figures.animation import animate
 
         print(f"animation: {animate(flow, outputs['animation'])}")
     return 0
-
-
-def _one(scene: Scene, out: Path) -> Flow:
-    """Simulates one scene."""
-    t_end = scene.resolved().t_end
-    assert t_end is not None
-    flow = simulate(scene, out=out, listener=lines(t_end))
-    print(f"flow file: {out}")
-    return flow
-
-
-def _paper_cases(folder: Path, settings: Collapse) -> None:
-    """Simulates the paper's six regimes of mu(I) and draws their final states."""
-    from granpinn.figures.simulation import save_final_states
-
-    make_folder(folder)
-    flows = []
-    for mu_s, mu_2 in PAPER_CASES:
-        law = law_settings(mu_of_i.LAW, (mu_s, mu_2, settings.I0))
-        collapse = dataclasses.replace(settings, **law)
-        flows.append(_one(collapse, folder / f"collapse_{mu_s:.2f}_{mu_2:.2f}.h5"))
-    print(f"figure: {save_final_states(flows, folder / 'final_states.png')}")
 
 
 main = Command("simulate", parser, run)

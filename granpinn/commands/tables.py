@@ -93,7 +93,7 @@ def parser() -> Parser:
         help="flow files or folders of them; none: the paper's six regimes, simulated",
     )
     made.add_argument(
-        "--out", type=Path, metavar="DIR", help="folder of tables.html, .json, .csv and the runs"
+        "--out", type=Path, metavar="DIR", help="folder of tables.html, tables.csv and the runs"
     )
     made.add_argument(
         "--config", type=Path, metavar="FILE.toml", help="settings of granpinn.train; flags win"

@@ -180,36 +180,6 @@ class Optimizer:
 
 
 @dataclass(frozen=True)
-class ProfileSettings:
-    """What --free-I0 trains: one batch over a grid of I0, each value with several seeds."""
-
-    values: int = setting(
-        7,
-        "number of values of I0, evenly spaced in log I0 around that of --I0",
-        low=3,
-        high=99,
-    )
-    reach: float = setting(
-        4.0,
-        "largest I0 is this factor above --I0, the least one this factor below",
-        low=1.01,
-        high=1e3,
-    )
-    seeds: int = setting(
-        3,
-        "trainings at each value; their scatter is the uncertainty of a loss",
-        low=2,
-        high=999,
-    )
-    law_accuracy: float = setting(
-        0.005,
-        "two laws count as equal if they differ by less over the I of the data",
-        low=0,
-        high=1,
-    )
-
-
-@dataclass(frozen=True)
 class PressureSettings:
     """The pressure of a simulation, where the grains are at rest."""
 

@@ -28,7 +28,6 @@ from granpinn.config.sections import (
     Network,
     Optimizer,
     PressureSettings,
-    ProfileSettings,
     ResimulationSettings,
     Rheology,
     SideWalls,
@@ -142,8 +141,7 @@ class Config:
     )
     free_I0: bool = setting(
         False,
-        "after the training, find which I0 the data allow (group profile); its time is not part "
-        "of --max-time",
+        "after the training, give mu_s and the slope (mu_2 - mu_s)/I0 for an I0 that is not known",
         free=True,
     )
     resimulate: bool = setting(
@@ -160,7 +158,6 @@ class Config:
     batch: Batch = section(Batch)
     optimizer: Optimizer = section(Optimizer)
     simulated_pressure: PressureSettings = section(PressureSettings, free=True)
-    profile: ProfileSettings = section(ProfileSettings, free=True)
     resimulation: ResimulationSettings = section(ResimulationSettings, free=True)
     # The recipe of the Config that `dataclasses.replace` copies; replace passes it on.
     _copied: InitVar[str] = ""
@@ -229,8 +226,11 @@ def _check_together(config: Config) -> None:
             f"{MOST_LAYERS} layers, got {len(widths)}"
         )
     _check_fixed(config.law, config.rheology.fixed)
-    if config.free_I0 and "I0" not in LAWS[config.law].names:
-        raise ConfigError(f"--free-I0 needs a friction law with I0, got the law {config.law}")
+    if config.free_I0 and LAWS[config.law] is not DEFAULT:
+        raise ConfigError(
+            f"--free-I0 is for {DEFAULT.title} alone, got --law {config.law}: leave out one of the "
+            "two"
+        )
     if config.steps is None and config.epochs is None and config.max_time is None:
         raise ConfigError("one of --steps, --epochs and --max-time must be given, got none")
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from granpinn.arrays import Bool, Float32, Float64, Floats, Index, plain_array
 from granpinn.declared import require_fields
 from granpinn.errors import BadInput
-from granpinn.output import html
+from granpinn.output.table import Table
 from granpinn.physics.law_values import LawValues
 
 # Numbers of the material in any units; float32 holds all of them.
@@ -276,4 +276,4 @@ class Flow:
 
     def _repr_html_(self) -> str:
         """The facts as a table, for notebooks."""
-        return html.table(self.described().items())
+        return Table((), [*self.described().items()]).html()

@@ -1,4 +1,4 @@
-"""The checks of an identification: the profile of I0, the simulation with the identified law."""
+"""A simulation with the identified law against the data."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ from granpinn.arrays import Floats
 from granpinn.figures.style import (
     BLACK,
     BLUE,
-    GREEN,
-    GREY,
     ORANGE,
     VALUE_MAP,
     Drawing,
@@ -23,48 +21,9 @@ from granpinn.figures.style import (
     new_figure,
     styled,
 )
-from granpinn.physics.laws import mu_of_i
 from granpinn.results.fields import Units
-from granpinn.uncertainty.unknown_I0 import ProfilePoint
 
 Curve = Callable[[str], Floats]  # a curve of checks/resimulation.py by its name
-
-
-@styled
-def profile_of_I0(
-    points: Sequence[ProfilePoint], smallest_rise: float, answer: str, I0_of_run: float
-) -> Drawing:
-    """The rise of the loss, and mu_s, mu_2 and the slope of mu(I), over the grid of I0.
-
-    Args:
-        smallest_rise: a rise of the loss up to this is scatter of the training.
-        answer: what the profile says, for the caption.
-    """
-    I0 = np.array([p.I0 for p in points])
-    excluded = np.array([p.excluded for p in points])
-    rises = np.array([p.loss_rise for p in points])
-    figure = new_figure(5.4)
-    loss, values = figure.subplots(2, 1, sharex=True)
-    loss.plot(I0, rises, color=BLUE)
-    loss.plot(I0[~excluded], rises[~excluded], "o", color=BLUE, label="allowed")
-    loss.plot(I0[excluded], rises[excluded], "x", color=ORANGE, label="excluded")
-    loss.axhline(smallest_rise, color=GREY, lw=1.2, ls=(0, (4, 3)), label="scatter (3 se)")
-    loss.set_xscale("log")
-    loss.set_ylabel("rise of the loss")
-    loss.set_title("(a) loss over the best")
-    for name, color in (("mu_s", BLUE), ("mu_2", ORANGE)):
-        symbol = f"${mu_of_i.LAW.parameter(name).symbol}$"
-        values.plot(I0, [getattr(p, name) for p in points], "o-", color=color, label=symbol)
-    slope = [p.slope for p in points]
-    values.plot(I0, slope, "o-", color=GREEN, label=r"$(\mu_2 - \mu_s)/I_0$")
-    for axes in (loss, values):
-        axes.axvline(I0_of_run, color=BLACK, lw=1.0, ls=(0, (1, 2)))
-        axes.grid(True)
-        axes.legend()
-    values.set_yscale("log")
-    values.set_xlabel("$I_0$, held fixed")
-    values.set_title("(b) identified values")
-    return Drawing(figure, f"{answer}. Dotted: the I0 of the run.")
 
 
 @styled

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,7 +31,6 @@ from granpinn.results import Fields, Result
 from granpinn.results.fields import after_start, flowing
 from granpinn.results.identified_law import StressPoints
 from granpinn.results.parameters import NOT_DETERMINED
-from granpinn.results.records import ComparedLaw
 from granpinn.results.result import true_friction
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points
@@ -124,7 +124,7 @@ def draw_law(curve: Axes, result: Result) -> str:
     return caption
 
 
-def _compared(axes: Axes, others: Sequence[ComparedLaw], I: Floats) -> str:
+def _compared(axes: Axes, others: Sequence[Any], I: Floats) -> str:
     """Draw the other laws of the comparison; words for the caption."""
     for c, color in zip(others, itertools.cycle(LAW_COLORS), strict=False):
         law = LAWS[c.law]

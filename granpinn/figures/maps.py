@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -43,15 +44,15 @@ class Window(NamedTuple):
     columns: slice
 
 
-class MapQuantity(NamedTuple):
-    """Two fields to compare: name in captions, symbol, unit, predicted and known values [Y, X]."""
+class Map(NamedTuple):
+    """One field [Y, X] with its colors; `text` labels the color bar."""
 
-    name: str
-    symbol: str
-    unit: str | None
-    predicted: Floats
-    known: Floats | None
-    known_name: str
+    title: str
+    values: Floats
+    norm: Normalize
+    text: str
+    colormap: str = VALUE_MAP
+    extend: str = "neither"
 
 
 def frame_at(fields: Fields, time: float | None) -> int:
@@ -104,19 +105,46 @@ def map_of_grid(
 @styled
 def pressure_fields(fields: Fields, k: int) -> Drawing:
     """Predicted pressure, the reference and their difference, where there is a reference."""
-    has_reference = "p_reference" in fields.values
-    quantity = MapQuantity(
-        "Pressure",
-        "$p$",
-        fields.units.of("pressure"),
-        fields.frame("p", k),
-        fields.frame("p_reference", k) if has_reference else None,
-        "reference",
-    )
-    drawing = _compare(fields, k, quantity)
-    if has_reference:
+    reference = fields.frame("p_reference", k) if "p_reference" in fields.values else None
+    unit = fields.units.of("pressure")
+    drawing = _compare(fields, k, "Pressure", "$p$", unit, fields.frame("p", k), reference)
+    if reference is not None:
         return drawing
     return drawing._replace(caption=drawing.caption + " The flow file has no reference pressure.")
+
+
+@styled
+def velocity_fields(fields: Fields, k: int) -> Drawing:
+    """Predicted speed, the speed in the flow file and their difference."""
+    found, known = (
+        np.hypot(fields.frame(f"u{of}", k), fields.frame(f"v{of}", k)) for of in ("", "_reference")
+    )
+    unit = fields.units.of("velocity")
+    return _compare(fields, k, "Speed", "$|v|$", unit, found, known, "flow file")
+
+
+def _compare(
+    fields: Fields,
+    k: int,
+    name: str,
+    symbol: str,
+    unit: str | None,
+    found: Floats,
+    known: Floats | None,
+    source: str = "reference",
+) -> Drawing:
+    """A predicted field, the known one, and their difference."""
+    values = value_norm(found if known is None else np.stack([found, known]))
+    shown = [Map(f"{symbol} predicted", found, values, label(symbol, unit))]
+    caption = f"{name} in the grains at {_time(fields, k)}"
+    if known is None:
+        return Drawing(_maps(fields, grain_window(fields, k), shown), f"{caption}: predicted.")
+    shown += [
+        Map(f"{symbol} of the {source}", known, values, label(symbol, unit)),
+        _difference("difference", found - known, label(rf"$\Delta${symbol}", unit)),
+    ]
+    caption += f": (a) predicted, (b) {source}, (c) difference. Black: free surface."
+    return Drawing(_maps(fields, grain_window(fields, k), shown), caption)
 
 
 @styled
@@ -125,85 +153,46 @@ def simulated_pressure(fields: Fields, k: int) -> Drawing:
 
     Beside it, its difference from the predicted pressure, and from the reference if there is one.
     """
-    frames = frames_with(fields, "p_simulated")
-    if not frames:
+    if not np.isfinite(fields.values.get("p_simulated", np.empty(0))).any():
         raise NothingToDraw("fields.h5 has no simulated pressure")
-    k = min(frames, key=lambda other: abs(float(fields.t[other] - fields.t[k])))
-    window, unit = grain_window(fields, k), fields.units.of("pressure")
-    simulated, has_reference = fields.frame("p_simulated", k), "p_reference" in fields.values
-    gap = np.abs(fields.frame("p", k) - simulated)
-    figure, panels = new_maps(fields, window, 3 if has_reference else 2)
-    values = value_norm(simulated)
-    draw_map(panels[0], fields, window, simulated, values, VALUE_MAP, label("$p$", unit))
-    panels[0].set_title("(a) $p$ simulated")
-    reach = _quantile(gap, 0.99) or 1.0
-    text = label(r"$|\Delta p|$", unit)
-    draw_map(panels[1], fields, window, gap, Normalize(0, reach), UNCERTAINTY_MAP, text, "max")
-    panels[1].set_title(r"(b) $|\Delta p|$")
-    caption = f"Simulated pressure in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}: "
-    caption += "(a) simulated, (b) its difference from the predicted pressure"
-    if has_reference:
+    k = frame_with(fields, "p_simulated", k)
+    simulated, unit = fields.frame("p_simulated", k), fields.units.of("pressure")
+    gap, text = np.abs(fields.frame("p", k) - simulated), label(r"$|\Delta p|$", unit)
+    reach = Normalize(0, _quantile(gap, 0.99) or 1.0)
+    shown = [
+        Map("$p$ simulated", simulated, value_norm(simulated), label("$p$", unit)),
+        Map(r"$|\Delta p|$", gap, reach, text, UNCERTAINTY_MAP, "max"),
+    ]
+    caption = f"Simulated pressure in the grains at {_time(fields, k)}: (a) simulated, (b) its "
+    caption += "difference from the predicted pressure"
+    if "p_reference" in fields.values:
         error = simulated - fields.frame("p_reference", k)
-        reach = _quantile(np.abs(error), 0.99) or 1.0
-        limits, text = Normalize(-reach, reach), label(r"$\Delta p$", unit)
-        draw_map(panels[2], fields, window, error, limits, DIFFERENCE_MAP, text, "both")
-        panels[2].set_title("(c) error of $p$")
+        shown.append(_difference("error of $p$", error, label(r"$\Delta p$", unit)))
         caption += ", (c) its error against the reference"
     return Drawing(
-        figure,
+        _maps(fields, grain_window(fields, k), shown),
         f"{caption}. Where (b) is large, the motion does not fix the pressure. There the simulated "
         "pressure is that of a material that creeps at the largest viscosity between the "
         "simulator's floor and plane of symmetry. Black: free surface.",
     )
 
 
-def frames_with(fields: Fields, name: str) -> list[int]:
-    """The frames at which a variable has values; none where it is absent."""
-    size = fields.y.size * fields.x.size
+def frame_with(fields: Fields, name: str, k: int) -> int:
+    """The frame nearest to frame k at which a variable has values; k if there is none."""
     known = np.isfinite(fields.values.get(name, np.full(len(fields.index), np.nan)))
-    return [int(k) for k in np.unique(fields.index[known] // size)]
+    frames = np.unique(fields.index[known] // (fields.y.size * fields.x.size))
+    return int(frames[np.argmin(np.abs(fields.t[frames] - fields.t[k]))]) if frames.size else k
 
 
-@styled
-def velocity_fields(fields: Fields, k: int) -> Drawing:
-    """Predicted speed, the speed in the flow file and their difference."""
-    quantity = MapQuantity(
-        "Speed",
-        "$|v|$",
-        fields.units.of("velocity"),
-        np.hypot(fields.frame("u", k), fields.frame("v", k)),
-        np.hypot(fields.frame("u_reference", k), fields.frame("v_reference", k)),
-        "flow file",
-    )
-    return _compare(fields, k, quantity)
+def _difference(title: str, values: Floats, text: str) -> Map:
+    """A map of a difference, with 0 in the middle of the colors."""
+    reach = _quantile(np.abs(values), 0.99) or 1.0
+    return Map(title, values, Normalize(-reach, reach), text, DIFFERENCE_MAP, "both")
 
 
-def _compare(fields: Fields, k: int, quantity: MapQuantity) -> Drawing:
-    window = grain_window(fields, k)
-    known = quantity.known
-    figure, panels = new_maps(fields, window, 1 if known is None else 3)
-    both = quantity.predicted if known is None else np.stack([quantity.predicted, known])
-    values = value_norm(both)
-    text = label(quantity.symbol, quantity.unit)
-    draw_map(panels[0], fields, window, quantity.predicted, values, VALUE_MAP, text)
-    panels[0].set_title(f"(a) {quantity.symbol} predicted")
-    caption = f"{quantity.name} in the grains at t = {fields.t[k]:.3g}{_unit_of_time(fields)}"
-    if known is None:
-        return Drawing(figure, caption + ": predicted.")
-    draw_map(panels[1], fields, window, known, values, VALUE_MAP, text)
-    panels[1].set_title(f"(b) {quantity.symbol} of the {quantity.known_name}")
-    difference = quantity.predicted - known
-    reach = _quantile(np.abs(difference), 0.99) or 1.0
-    text = label(rf"$\Delta${quantity.symbol}", quantity.unit)
-    limits = Normalize(-reach, reach)
-    draw_map(panels[2], fields, window, difference, limits, DIFFERENCE_MAP, text, extend="both")
-    panels[2].set_title("(c) difference")
-    caption += f": (a) predicted, (b) {quantity.known_name}, (c) difference. Black: free surface."
-    return Drawing(figure, caption)
-
-
-def _unit_of_time(fields: Fields) -> str:
-    return "" if fields.units.time == "1" else f" {fields.units.time}"
+def _time(fields: Fields, k: int) -> str:
+    unit = "" if fields.units.time == "1" else f" {fields.units.time}"
+    return f"t = {fields.t[k]:.3g}{unit}"
 
 
 def aspect_of(fields: Fields, window: Window) -> float:
@@ -217,51 +206,41 @@ def stacked_height(aspect: float) -> float | None:
     return min((WIDTH - 1.6) * aspect, TALLEST) if aspect < WIDE else None
 
 
-def new_maps(fields: Fields, window: Window, count: int) -> tuple[Figure, list[Axes]]:
-    """A figure with `count` maps: one above the other for wide grains, else side by side."""
-    aspect = aspect_of(fields, window)
+def _maps(fields: Fields, window: Window, shown: Sequence[Map]) -> Figure:
+    """A figure of maps: one above the other for wide grains, else side by side."""
+    aspect, count = aspect_of(fields, window), len(shown)
     if height := stacked_height(aspect):
         figure = new_figure((height + 0.5) * count + 0.3)
         grid = figure.subplots(count, 1, squeeze=False, sharex=True, sharey=True)
     else:
         figure = new_figure(min(((WIDTH - 0.6) / count - 0.9) * aspect + 0.9, 7.0))
         grid = figure.subplots(1, count, squeeze=False, sharex=True, sharey=True)
-    for axes in grid.ravel():
-        label_axes(axes, fields)
+    for letter, axes, one in zip("abc", grid.ravel(), shown, strict=False):
+        draw_map(axes, fields, window, one._replace(title=f"({letter}) {one.title}"))
         axes.label_outer()
-    return figure, list(grid.ravel())
+    return figure
 
 
-def label_axes(axes: Axes, fields: Fields) -> None:
-    axes.set_xlabel(label("$x$", fields.units.of("length")))
-    axes.set_ylabel(label("$y$", fields.units.of("length")))
-
-
-def draw_map(
-    axes: Axes,
-    fields: Fields,
-    window: Window,
-    values: Floats,
-    norm: Normalize,
-    colormap: str,
-    text: str,
-    extend: str = "neither",
-) -> None:
-    """One map of a field [Y, X] with its colour bar and the free surface (c = 0.5)."""
+def draw_map(axes: Axes, fields: Fields, window: Window, one: Map) -> None:
+    """One map with its axes, color bar and the free surface (c = 0.5)."""
     x, y = fields.x[window.columns], fields.y[window.rows]
-    cut = np.ma.masked_invalid(values[window.rows, window.columns])
-    image = axes.pcolormesh(x, y, cut, norm=norm, cmap=colormap, shading="nearest", rasterized=True)
-    draw_surface(axes, fields, window)
-    axes.set_aspect("equal")
-    axes.figure.colorbar(image, ax=axes, label=text, extend=extend, pad=0.02, aspect=14)
-
-
-def draw_surface(axes: Axes, fields: Fields, window: Window) -> None:
-    """The line c = 0.5."""
-    x, y = fields.x[window.columns], fields.y[window.rows]
+    cut = np.ma.masked_invalid(one.values[window.rows, window.columns])
+    look: dict[str, Any] = {
+        "norm": one.norm,
+        "cmap": one.colormap,
+        "shading": "nearest",
+        "rasterized": True,
+    }
+    image = axes.pcolormesh(x, y, cut, **look)
     c = np.nan_to_num(fields.c[window.k, window.rows, window.columns])
     if min(c.shape) > 1 and c.min() < 0.5 < c.max():
         axes.contour(x, y, c, levels=[0.5], colors=BLACK, linewidths=0.9)
+    axes.set_aspect("equal")
+    axes.set_title(one.title)
+    axes.set_xlabel(label("$x$", fields.units.of("length")))
+    axes.set_ylabel(label("$y$", fields.units.of("length")))
+    bar: dict[str, Any] = {"label": one.text, "extend": one.extend, "pad": 0.02, "aspect": 14}
+    axes.figure.colorbar(image, ax=axes, **bar)
 
 
 def value_norm(values: Floats) -> Normalize:
@@ -292,8 +271,7 @@ def momentum_residual(fields: Fields, k: int) -> Drawing:
     else:
         figure = new_figure(4.2)
         field_map, histogram = figure.subplots(1, 2)
-    draw_residual(field_map, fields, window)
-    field_map.set_title(f"(a) t = {fields.t[k]:.3g}")
+    draw_residual(field_map, fields, window, f"(a) t = {fields.t[k]:.3g}")
 
     counted = shearing(fields)
     size = np.hypot(*(fields.values[name][counted] for name in RESIDUALS))
@@ -319,7 +297,7 @@ def momentum_residual(fields: Fields, k: int) -> Drawing:
     )
 
 
-def draw_residual(axes: Axes, fields: Fields, window: Window) -> None:
+def draw_residual(axes: Axes, fields: Fields, window: Window, title: str) -> None:
     """The map of |e| / (rho |g|) alone, where grains shear; grains at rest are grey."""
     size = np.hypot(*(fields.frame(name, window.k) for name in RESIDUALS))
     moves = fields.frame("D2", window.k) * fields.time >= D2_STAGNANT
@@ -327,7 +305,5 @@ def draw_residual(axes: Axes, fields: Fields, window: Window) -> None:
     rest = np.ma.masked_where(moves | ~np.isfinite(size), np.zeros(size.shape))
     cut = rest[window.rows, window.columns]
     axes.pcolormesh(x, y, cut, cmap=ListedColormap([RESTING]), shading="nearest", rasterized=True)
-    size = np.where(moves, size, np.nan)
-    norm = LogNorm(*RESIDUAL_RANGE)
-    draw_map(axes, fields, window, size, norm, "cividis", RESIDUAL_LABEL, extend="both")
-    label_axes(axes, fields)
+    size, norm = np.where(moves, size, np.nan), LogNorm(*RESIDUAL_RANGE)
+    draw_map(axes, fields, window, Map(title, size, norm, RESIDUAL_LABEL, "cividis", "both"))

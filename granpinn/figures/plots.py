@@ -18,7 +18,7 @@ from granpinn.arrays import Floats
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.figures import curves, maps
-from granpinn.figures.style import VALUE_MAP, label
+from granpinn.figures.style import label
 from granpinn.results import Fields, Result
 from granpinn.results.fields import VARIABLES
 
@@ -100,14 +100,12 @@ class Plots:
         found = self._fields()
         panels = _panels(1, len(names), axes)
         for ax, name in zip(panels, names, strict=True):
-            k = _frame(found, name, t)
-            window = maps.grain_window(found, k)
+            k = maps.frame_with(found, name, maps.frame_at(found, t))
             values, kind = _values(found, name, k)
             text = label(SYMBOLS.get(name, f"${name}$"), found.units.of(kind))
             norm = _decades(values) if name in DECADES else maps.value_norm(values)
-            maps.draw_map(ax, found, window, values, norm, VALUE_MAP, text)
-            maps.label_axes(ax, found)
-            ax.set_title(f"$t$ = {found.t[k]:.4g}")
+            one = maps.Map(f"$t$ = {found.t[k]:.4g}", values, norm, text)
+            maps.draw_map(ax, found, maps.grain_window(found, k), one)
         return panels
 
     @checked
@@ -116,8 +114,7 @@ class Plots:
         found = self._fields()
         k = maps.frame_at(found, t)
         (ax,) = _panels(1, 1, None if ax is None else [ax])
-        maps.draw_residual(ax, found, maps.grain_window(found, k))
-        ax.set_title(f"$t$ = {found.t[k]:.4g}")
+        maps.draw_residual(ax, found, maps.grain_window(found, k), f"$t$ = {found.t[k]:.4g}")
         return ax
 
     @checked
@@ -141,13 +138,6 @@ def _panels(rows: int, columns: int, axes: Sequence[Axes] | Panels | None) -> Pa
     if len(given) != count or not all(isinstance(ax, Axes) for ax in given):
         raise BadInput(f"axes must be {count} axes of matplotlib, got {len(given)} objects")
     return given
-
-
-def _frame(fields: Fields, name: str, t: float | None) -> int:
-    """The frame nearest to a time; of those with values, as a simulated pressure has few."""
-    k = maps.frame_at(fields, t)
-    frames = maps.frames_with(fields, name)
-    return min(frames, key=lambda other: abs(fields.t[other] - fields.t[k]), default=k)
 
 
 def _values(fields: Fields, name: str, k: int) -> tuple[Floats, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
@@ -33,9 +33,7 @@ class Context:
         keep_fields: whether fields.h5 is written there.
         fields: the predicted fields, where they are kept.
         shear: the points of the fields where grains shear.
-        runs: where the folders of further trainings are.
         pool: threads for simulations side by side.
-        again: identifies this flow again: `granpinn.identify_many` from its second argument on.
         shown: called with the result whenever it has grown.
     """
 
@@ -50,9 +48,7 @@ class Context:
     keep_fields: bool = True
     fields: Fields | None = None
     shear: Shear | None = None
-    runs: Path | None = None
     pool: Executor | None = None
-    again: Callable[..., Sequence[Result]] | None = None
     shown: Callable[[Result], None] | None = None
 
     def keep(self, result: Result) -> None:

@@ -1,6 +1,6 @@
 """The free curve of a training over the range of I of a result, and its band.
 
-The error of a free curve is known from simulated flows of known laws (uncertainty/law_choice.py).
+The error of a free curve is known from simulated flows of known laws (uncertainty/curve_error.py).
 """
 
 from __future__ import annotations
@@ -20,9 +20,15 @@ from granpinn.results.identified_law import Curve
 from granpinn.training.information import information
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import error_model
+from granpinn.uncertainty.curve_error import (
+    CurveBand,
+    Quadratic,
+    basis,
+    model_covariance,
+    quadratic,
+)
 from granpinn.uncertainty.determined import POINTS
 from granpinn.uncertainty.error_bars import untested
-from granpinn.uncertainty.law_choice import CurveBand, Quadratic, basis, model_covariance, quadratic
 
 LARGEST = 1.0  # of mu: beyond it no law can be excluded
 TOLD_APART = 0.95  # of the errors of a free curve: laws that differ by more are told apart

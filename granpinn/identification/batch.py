@@ -47,8 +47,6 @@ def identify_many(
 ) -> list[Identification]:
     """Identify many flows side by side, each as `identify` would, in one batch.
 
-    Checks that train more networks (--free-I0) are left out.
-
     The members share the settings, hence the shape of the network and the schedule. Each has its
     own data, friction law, I0 and seed (of the network, of the batches and of the noise). Members
     with the same flow and without noise share its data on the device. With `config.members` = K,
@@ -106,7 +104,7 @@ def side_by_side(
 
     The arguments are those of `identify_many` and `identify`; `begin`: where a time limit begins.
     """
-    checks = [check for check in wanted(config) if not check.trains]
+    checks = wanted(config)
     group = processes(config.device)
     with owned(None if group.rank else root):
         if root is not None and group.rank == 0:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.checks import shared_law, wanted
+from granpinn.checks import shared_law
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
 from granpinn.declared import checked
@@ -56,19 +56,13 @@ def identify_one_law(
     The subfolders 000, 001, ... get the files of each flow.
 
     Raises:
-        ConfigError: the settings ask for another law, or for a check that trains on one flow.
+        ConfigError: the settings ask for another law.
         CannotGoOn: a flow does not determine mu(I).
     """
     if config.law != DEFAULT.name:
         raise ConfigError(
             f"one law of several flows is {DEFAULT.title}, got --law {config.law}: leave it out"
         )
-    for check in wanted(config):
-        if check.trains and check.asked(config):
-            raise ConfigError(
-                f"{check.name.replace('_', ' ')} is a check of one flow, got {len(flows)} flows "
-                "with one law: leave it out, or train on one flow"
-            )
     rank = processes(config.device).rank
     with owned(None if rank else folder):
         configs = [config] * len(flows)

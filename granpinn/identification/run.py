@@ -17,7 +17,7 @@ from granpinn.identification import answer
 from granpinn.identification.identified import Identification
 from granpinn.identification.start import CHECKS, ERROR_BARS, histories, start
 from granpinn.results import Result
-from granpinn.results.record import Check, make
+from granpinn.results.record import Check
 from granpinn.simulation.threads import beside_gpu, threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row
@@ -40,7 +40,6 @@ def run(
     keep_fields: bool = True,
     on_step: Callable[[Row], Any] | None = None,
     on_values: Callable[[Result], Any] | None = None,
-    again: Callable[..., Sequence[Result]] | None = None,
 ) -> list[Identification]:
     """Train the ensembles of cases as one batch, and make the results and their checks.
 
@@ -52,7 +51,6 @@ def run(
         sharers: processes that use the cores of this machine at the same time.
         keep_fields: whether fields.h5 is written.
         on_step, on_values: as in `identify`.
-        again: identifies the one flow again (fit/context.py).
 
     Raises:
         NonFiniteError: the one case diverged.
@@ -115,8 +113,9 @@ def run(
             def finished(context: Context) -> Identification:
                 if first:
                     answer.with_curve(context, on_values)
-                context.pool, context.again, context.runs = pool, again, folder
-                make(context, [check for check in checks if first or check.trains])
+                context.pool = pool
+                for check in checks if first else ():
+                    context.take(check)
                 return answer.kept(context)
 
             return beside_gpu(finished, contexts, on_gpu)

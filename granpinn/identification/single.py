@@ -13,7 +13,6 @@ from granpinn.config.settings import config_of
 from granpinn.data import Flow
 from granpinn.declared import checked
 from granpinn.fit.case import pose
-from granpinn.identification.batch import identify_many
 from granpinn.identification.identified import Identification
 from granpinn.identification.one_law import identify_one_law
 from granpinn.identification.run import run
@@ -92,10 +91,6 @@ def identify(
         if folder is not None and together.rank == 0:
             prepare(folder, config, config.members)
         together.barrier()
-
-        def again(config: Config, seeds: Sequence[int], **settings: Any) -> Sequence[Result]:
-            return identify_many([flow] * len(seeds), config, seeds, **settings)
-
         (found,) = run(
             [case],
             config,
@@ -108,6 +103,5 @@ def identify(
             alone=True,
             on_step=on_step,
             on_values=on_values,
-            again=again,
         )
         return found

@@ -41,7 +41,6 @@ from granpinn.results.record import (
     Reason,
     Record,
     every,
-    make,
 )
 
 # Some frames are taken evenly from the whole flow: so many at most, and fewer of a large grid.
@@ -284,14 +283,17 @@ def inspect(
 ) -> Inspection:
     """Make all checks of a flow, without training; the precision is that of `law`."""
     found = Inspection(flow, law, side_walls)
-    make(found, every(FLOW))
+    for check in every(FLOW):
+        found.take(check)
     return found
 
 
 def quick(flow: Flow) -> Inspection:
     """Make the quick checks of a flow, which find slips."""
     found = Inspection(flow)
-    make(found, [check for check in every(FLOW) if check.quick])
+    for check in every(FLOW):
+        if check.quick:
+            found.take(check)
     return found
 
 

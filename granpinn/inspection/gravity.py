@@ -70,6 +70,7 @@ class Fall:
         error: standard error of a component.
         inward: the inward component.
         pull: the inward component of gravity, -1 to 1.
+        tilt: degrees from gravity to the acceleration, counter-clockwise.
     """
 
     side: str
@@ -77,16 +78,21 @@ class Fall:
     error: float
     inward: float
     pull: float
+    tilt: float
 
     @property
     def size(self) -> float:
         """Of the acceleration, over |g|."""
         return math.hypot(*self.acceleration)
 
-    def tilt(self, gravity: tuple[float, float]) -> float:
-        """Degrees from gravity to the acceleration, counter-clockwise."""
-        (x, y), (g_x, g_y) = self.acceleration, gravity
-        return math.degrees(math.atan2(g_x * y - g_y * x, g_x * x + g_y * y))
+    @property
+    def turned(self) -> str:
+        """Which way a free fall is turned, in words; nothing if it is along gravity."""
+        error = STANDARD_ERRORS * math.degrees(self.error / self.size)
+        if not self.pull > ASIDE or self.size < FREE or abs(self.tilt) - error < TILT:
+            return ""
+        turn = "counter-" if self.tilt > 0 else ""
+        return f"accelerates {abs(self.tilt):.1f} degrees {turn}clockwise of gravity"
 
 
 @dataclass(frozen=True)
@@ -100,10 +106,6 @@ class Gravity(Record):
             vectors.
         aspect, shrinks: height over width of the body in the first frame, and its height in the
             last frame over that in the first.
-        rise: height that the center of mass gains, over the height of the grains.
-        closed: whether no grains cross the edges of the grid.
-        free: whether gravity is the only force.
-        gravity: vector of the flow file.
     """
 
     title = "gravity"
@@ -113,10 +115,6 @@ class Gravity(Record):
     speed: float | None
     aspect: float
     shrinks: float
-    rise: float
-    closed: bool
-    free: bool
-    gravity: tuple[float, float]
 
     @property
     def words(self) -> str:
@@ -126,18 +124,19 @@ class Gravity(Record):
         if fall.pull > ASIDE and fall.size >= SHOWN:
             return (
                 f"the {fall.side} of the grains falls with {fall.size:.3f} +- {fall.error:.1g} g, "
-                f"{fall.tilt(self.gravity):+.1f} degrees from it"
+                f"{fall.tilt:+.1f} degrees from it"
             )
         return f"not checked: nothing falls freely (largest acceleration {fall.size:.2f} g)"
 
     def reasons(self, of: Inspection) -> list[Reason]:
         """The most certain slip of scale, frame rate, gravity or speed, or none."""
-        if not self.free:
+        if of.filmed.source is not None:  # of another force
             return []
-        fall = self.fall if self.closed else None
-        rules = (_direction(self.gravity, fall), _size(self.gravity, fall), _gain(self.energy))
-        slow = self._slow(fall), _tilt(self.gravity, fall), self._rise(), self._speed()
-        return [slip for slip in (*rules, *slow) if slip is not None][:1]
+        mass = of["mass"]
+        fall = self.fall if mass.closed else None
+        rules = _direction(fall), _size(fall), _gain(self.energy), self._slow(fall), _tilt(fall)
+        more = _rise(mass.rise) if mass.closed else None, self._speed(mass.closed)
+        return [slip for slip in (*rules, *more) if slip is not None][:1]
 
     def _slow(self, fall: Fall | None) -> Reason | None:
         """The top of a slender column that falls too slowly."""
@@ -153,18 +152,9 @@ class Gravity(Record):
             f"it: {_remedy(factor, 'about')}",
         )
 
-    def _rise(self) -> Reason | None:
-        if not (self.closed and self.rise > CENTER_RISES):
-            return None
-        text = (
-            f"the center of mass rises by {self.rise:.0%} of the height of the grains, and "
-            "without moving walls it can only fall: check the signs of gravity, y and v"
-        )
-        return Reason(IMPROBABLE, text)
-
-    def _speed(self) -> Reason | None:
+    def _speed(self, closed: bool) -> Reason | None:
         """Speeds that no free fall reaches."""
-        fast, too_fast = CLOSED_FAST if self.closed else OPEN_FAST
+        fast, too_fast = CLOSED_FAST if closed else OPEN_FAST
         if self.speed is None or not self.speed > fast:
             return None
         return Reason(
@@ -174,11 +164,11 @@ class Gravity(Record):
         )
 
 
-def _direction(gravity: tuple[float, float], fall: Fall | None) -> Reason | None:
+def _direction(fall: Fall | None) -> Reason | None:
     """Grains that fall where gravity does not pull."""
     if fall is None or fall.pull > ASIDE or fall.inward - STANDARD_ERRORS * fall.error < ASIDE:
         return None
-    turned = abs(fall.tilt(gravity))
+    turned = abs(fall.tilt)
     picture = "upside down" if turned > 135 else "turned by a quarter"
     return Reason(
         IMPOSSIBLE,
@@ -188,7 +178,7 @@ def _direction(gravity: tuple[float, float], fall: Fall | None) -> Reason | None
     )
 
 
-def _size(gravity: tuple[float, float], fall: Fall | None) -> Reason | None:
+def _size(fall: Fall | None) -> Reason | None:
     """Grains that fall faster than freely."""
     if fall is None or not fall.pull > ASIDE:
         return None
@@ -200,8 +190,8 @@ def _size(gravity: tuple[float, float], fall: Fall | None) -> Reason | None:
         f"the {fall.side} of the grains falls with {_times(factor)} times the gravity of the file, "
         f"and nothing falls faster than freely: {_remedy(factor, 'at least')}"
     )
-    if turned := _turned(gravity, fall):
-        text += f"; then {TURN}, as it also {turned}"
+    if fall.turned:
+        text += f"; then {TURN}, as it also {fall.turned}"
     return Reason(IMPOSSIBLE if ratio > TOO_FAST else IMPROBABLE, text)
 
 
@@ -228,21 +218,22 @@ def _gain(energy: tuple[float, float] | None) -> Reason | None:
     )
 
 
-def _tilt(gravity: tuple[float, float], fall: Fall | None) -> Reason | None:
+def _tilt(fall: Fall | None) -> Reason | None:
     """Grains that fall freely, but not along gravity."""
-    if fall is None or not (turned := _turned(gravity, fall)):
+    if fall is None or not fall.turned:
         return None
-    return Reason(IMPROBABLE, f"the freely falling {fall.side} of the grains {turned}: {TURN}")
+    return Reason(IMPROBABLE, f"the freely falling {fall.side} of the grains {fall.turned}: {TURN}")
 
 
-def _turned(gravity: tuple[float, float], fall: Fall) -> str:
-    """Which way a free fall is turned, in words; nothing if it is along gravity."""
-    tilt = fall.tilt(gravity)
-    error = STANDARD_ERRORS * math.degrees(fall.error / fall.size)
-    if not fall.pull > ASIDE or fall.size < FREE or abs(tilt) - error < TILT:
-        return ""
-    turn = "counter-" if tilt > 0 else ""
-    return f"accelerates {abs(tilt):.1f} degrees {turn}clockwise of gravity"
+def _rise(rise: float) -> Reason | None:
+    """A center of mass that rises."""
+    if not rise > CENTER_RISES:
+        return None
+    text = (
+        f"the center of mass rises by {rise:.0%} of the height of the grains, and without moving "
+        "walls it can only fall: check the signs of gravity, y and v"
+    )
+    return Reason(IMPROBABLE, text)
 
 
 def _remedy(factor: float, bound: str) -> str:
@@ -268,10 +259,6 @@ def make(inspection: Inspection) -> Gravity:
         speed=float(np.quantile(speeds, FASTEST)) / free_fall if speeds.size else None,
         aspect=aspect,
         shrinks=shrinks,
-        rise=mass.rise,
-        closed=mass.closed,
-        free=flow.source is None,
-        gravity=flow.gravity,
     )
 
 
@@ -303,8 +290,9 @@ def _fall(flow: Flow, body: Body, side: str) -> Fall | None:
     error = float(rest.max() / math.sqrt(((t - t.mean()) ** 2).sum())) / g
     a_x, a_y = (float(a) / g for a in line[1])
     d_x, d_y = INWARD[side]
-    pull = (flow.gravity[0] * d_x + flow.gravity[1] * d_y) / g
-    return Fall(side, (a_x, a_y), error, a_x * d_x + a_y * d_y, pull)
+    g_x, g_y = flow.gravity
+    tilt = math.degrees(math.atan2(g_x * a_y - g_y * a_x, g_x * a_x + g_y * a_y))
+    return Fall(side, (a_x, a_y), error, a_x * d_x + a_y * d_y, (g_x * d_x + g_y * d_y) / g, tilt)
 
 
 def energy_of(flow: Flow, body: Body, height: float) -> tuple[float, float] | None:

@@ -67,7 +67,6 @@ class Mass(Record):
         covered: share of the grains that have vectors.
         jump: the frame before the interval in which the center moves far more than its velocity,
             its time, and the way of the center over that of the velocity.
-        gridded: the components of scattered vectors are not compared.
     """
 
     swapped: bool
@@ -78,10 +77,9 @@ class Mass(Record):
     rise: float
     covered: float
     jump: tuple[int, float, float] | None
-    gridded: bool
 
     def reasons(self, of: Inspection) -> list[Reason]:
-        if not self.gridded:
+        if of.filmed.particles is not None:  # components of scattered vectors are not compared
             return []
         if self.swapped:
             text = (
@@ -165,11 +163,8 @@ def _grade(ratio: float) -> str:
 
 
 def make(inspection: Inspection) -> Mass:
-    flow, height, gridded = (
-        inspection.filmed,
-        inspection.height,
-        inspection.filmed.particles is None,
-    )
+    flow, height = inspection.filmed, inspection.height
+    gridded = flow.particles is None
     frames, u, v = inspection.vectors
     swapped, mirrored, gradients = volume_of(flow, u, v)
     ratio, closed, rise = center_of(flow, frames, u, v, height)
@@ -178,7 +173,7 @@ def make(inspection: Inspection) -> Mass:
         swapped = _follows(other) and not any(_beyond(r, CENTER_DIFFERS) for r in other if r)
     covered = float(np.isfinite(u).sum() / flow.c[frames].sum(dtype=np.float64))
     jump = jump_of(flow, inspection.body) if gridded and closed else None
-    return Mass(swapped, mirrored, gradients, ratio, closed, rise, covered, jump, gridded)
+    return Mass(swapped, mirrored, gradients, ratio, closed, rise, covered, jump)
 
 
 def _follows(ratio: tuple[float | None, float | None]) -> bool:

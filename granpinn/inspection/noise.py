@@ -26,7 +26,6 @@ class MeasuredNoise(Noise, Record):
         speed: the largest one, of the smoothed velocity where there is one: the largest of many
             noisy speeds consists mostly of noise.
         averaged: frames of which the flow is the mean; 1: none.
-        scattered: whether the vectors are.
         unit: behind a number, with a space.
     """
 
@@ -36,7 +35,6 @@ class MeasuredNoise(Noise, Record):
     relative: float | None
     speed: float
     averaged: int
-    scattered: bool
     unit: str
 
     @property
@@ -72,7 +70,7 @@ class MeasuredNoise(Noise, Record):
             )
         if self.in_time and self.in_space and not 0.5 < self.in_time / self.in_space < 2:
             why = "the cells are wider than the layers that shear; use smaller windows."
-            if self.scattered:
+            if of.filmed.particles is not None:
                 why = "the vectors of a frame are too sparse for the layers that shear."
             if self.in_time > self.in_space:
                 why = "neighboring vectors share their errors, or frames are too far apart."
@@ -100,7 +98,6 @@ def make(inspection: Inspection) -> MeasuredNoise:
         relative=None if noise.sigma is None or not speed > 0 else noise.sigma / speed,
         speed=speed,
         averaged=flow.averaged,
-        scattered=flow.particles is not None,
         unit="" if inspection.velocity_unit == "1" else f" {inspection.velocity_unit}",
     )
 

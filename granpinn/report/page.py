@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import math
+import shutil
 import unicodedata
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,8 +20,8 @@ from markupsafe import Markup, escape
 
 from granpinn.declared import checked
 from granpinn.figures import album, maps
-from granpinn.output import write_text
-from granpinn.report.vtkhdf import write_vtkhdf
+from granpinn.output import replacing, write_text
+from granpinn.output.table import Table
 from granpinn.results import (
     Fields,
     FieldsFileError,
@@ -31,8 +32,7 @@ from granpinn.results import (
     write_csv,
 )
 from granpinn.results.assessment import reach_of
-from granpinn.results.result import in_words, true_friction
-from granpinn.terminal import say
+from granpinn.results.result import in_words, percent, true_friction
 from granpinn.training.history import HistoryFileError, read_history
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -93,10 +93,15 @@ def read(folder: Path, time: float | None = None) -> tuple[album.Source, list[st
 
 
 def for_paraview(run_dir: str | Path) -> Path:
-    """Write fields.vtkhdf of a run; FieldsFileError if there is no valid fields.h5."""
-    path = Path(run_dir) / "fields.vtkhdf"
-    if write_vtkhdf(read_fields(Path(run_dir) / "fields.h5"), path):
-        say(f"{path.name}: the grid is uneven; its values were moved to the nearest even points")
+    """Copy fields.h5 to fields.nc: by this name ParaView opens it, with its reader of netCDF files.
+
+    Raises:
+        FieldsFileError: there is no valid fields.h5.
+    """
+    fields, path = Path(run_dir) / "fields.h5", Path(run_dir) / "fields.nc"
+    read_fields(fields)
+    with replacing(path) as temporary:
+        shutil.copyfile(fields, temporary)
     return path
 
 
@@ -110,8 +115,16 @@ def render(
     settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
     law, curve = result.friction_law, result.law.curve
     true = None if curve is None else true_friction(result, np.array(curve.I))
-    return template("report.html", duration=duration, base64=encoded).render(
+    flows = Table(
+        ("Flow", "inertial numbers", "vectors", "use"),
+        [
+            (flow.input.name, flow.shear, f"{flow.data.n_points:,}", flow.assessment.headline)
+            for flow in result.flows
+        ],
+    )
+    return template("report.html", duration=duration, base64=encoded, percent=percent).render(
         r=result,
+        flows=flows,
         law=law,
         not_done=[(in_words(name), why) for name, why in result.not_done.items()],
         has_truth=any(result.error_percent.get(name) is not None for name in law.names),

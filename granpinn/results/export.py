@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,18 +30,8 @@ if TYPE_CHECKING:
 DRAWS = 100
 UNITS = ("m", "kg/m^3"), ("m", None), ("1", None)  # of length and density that a program takes
 KEYS = ("mu_s", "mu_2", "I0")  # what the programs know of a law
-
-
-class Numbers(NamedTuple):
-    """What a program takes, in the units of the flow file: its grain diameter d sqrt(rho_g / rho),
-    bulk density, and draws of (mu_s, mu_2, I0) [n, 3]; n = 0 without error bars."""
-
-    mu_s: float
-    mu_2: float
-    I0: float
-    d: float
-    rho: float
-    draws: Float64
+TEMPLATES = Path(__file__).parent / "templates"
+FORMATS = ("openfoam", "basilisk", "chrono", "json")  # a template each, but for JSON
 
 
 def text_of(result: Result, to: str) -> str:
@@ -56,9 +46,21 @@ def text_of(result: Result, to: str) -> str:
     """
     if to == "json":
         return _json(result)
-    if to not in PROGRAMS:
+    if to not in FORMATS:
         raise BadInput(f"expected one of {', '.join(FORMATS)}, got {to!r}")
-    return PROGRAMS[to](_numbers(result, to), facts(result))
+    import jinja2  # slow to import
+
+    templates = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=False,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    # One comment a line; a backslash at its end would join the next one.
+    lines = [" ".join(line.split()).replace("\\", "/") for line in facts(result)]
+    return templates.get_template(f"{to}.txt").render(facts=lines, **_numbers(result, to))
 
 
 def facts(result: Result) -> list[str]:
@@ -101,8 +103,12 @@ def draws_of(result: Result) -> Float64:
     return theta[[result.friction_law.admits(row) for row in theta.tolist()]][:DRAWS]
 
 
-def _numbers(result: Result, to: str) -> Numbers:
-    """The numbers for a program; BadInput as of `text_of`."""
+def _numbers(result: Result, to: str) -> dict[str, Any]:
+    """What a template takes, in the units of the flow file; BadInput as of `text_of`.
+
+    The law, its grain diameter d sqrt(rho_g / rho), the bulk density, and rows of (mu_s, mu_2, I0):
+    the law and its draws.
+    """
     elsewhere = "write json, which has what is known"
     law, data = result.friction_law, result.data
     if law.names != KEYS:
@@ -131,97 +137,8 @@ def _numbers(result: Result, to: str) -> Numbers:
         )
     grains = data.density if data.grain_density is None else data.grain_density
     d = data.grain_diameter * math.sqrt(grains / data.density)
-    mu_s, mu_2, I0 = result.theta
-    return Numbers(mu_s, mu_2, I0, d, data.density, draws_of(result))
-
-
-def _openfoam(n: Numbers, facts: list[str]) -> str:
-    draws = "".join(f"    ({mu_s:.6g} {mu_2:.6g} {I0:.6g})\n" for mu_s, mu_2, I0 in n.draws)
-    return f"""{_comment(facts)}
-// constant/transportProperties of interFoam with the viscosity model muI of OpenFOAM-muI 1.1
-// (libs ("libviscositymuI.so"); in system/controlDict). The model divides by rhog, the solver
-// multiplies by rho: both are the bulk density, and dg is d sqrt(rho_grain / rho). I is the same.
-// nuMax to alphaSmall and the air are numerics of its tutorials: check them for your flow.
-FoamFile
-{{
-    version     2.0;
-    format      ascii;
-    class       dictionary;
-    object      transportProperties;
-}}
-
-phases (granul air);
-
-granul
-{{
-    transportModel muI;
-    muICoeffs
-    {{
-        mus        {n.mu_s:.6g};
-        mud        {n.mu_2:.6g};
-        I0         {n.I0:.6g};
-        dg         {n.d:.6g};
-        rhog       {n.rho:.6g};
-        nuMax      1e3;
-        nuMin      1e-05;
-        pMin       1.0;
-        rmHydAirP  true;
-        rhoAir     1.0;
-        alphaSmall 0.01;
-    }}
-    rho            {n.rho:.6g};
-}}
-
-air
-{{
-    transportModel Newtonian;
-    nu             1.48e-05;
-    rho            1;
-}}
-
-sigma 0;
-
-// Draws of (mus mud I0) by the error bars; no model reads this entry.
-granpinnDraws
-(
-{draws});
-"""
-
-
-def _basilisk(n: Numbers, facts: list[str]) -> str:
-    return f"""{_comment(facts)}
-// Include after granular.h of sandbox/M1EMN, and call granpinn_law (L, 0) first in main(). L is the
-// length 1 of the simulation, in the unit of d above. There the bulk density is 1, so D is
-// d sqrt(rho_grain / rho) / L, with which I is the same.
-{_table(n)}
-static inline void granpinn_law (double L, int k)
-{{
-  mus = granpinn_laws[k][0], dmu = granpinn_laws[k][1] - mus, I0 = granpinn_laws[k][2];
-  D = {n.d:.6g}/L, Co = 0.;
-}}
-"""
-
-
-def _chrono(n: Numbers, facts: list[str]) -> str:
-    return f"""{_comment(facts)}
-// For the material of Chrono::FSI-SPH (CRM), ElasticMaterialProperties, in later versions
-// SoilProperties: call granpinn_law(mat_props), set Young_modulus and Poisson_ratio, then call
-// SetElasticSPH(mat_props) or SetCrmSPH. mu_fric_2 and mu_fric_s are set apart: both alike, as in
-// Chrono's defaults and examples, are a friction that does not depend on I. The density of Chrono's
-// I is that of the bulk, so average_diam is d sqrt(rho_grain / rho), with which I is the same.
-#pragma once
-{_table(n)}
-template <class Properties>
-void granpinn_law(Properties& mat_props, int k = 0) {{
-    mat_props.rheology_model = chrono::fsi::sph::RheologyCRM::MU_OF_I;
-    mat_props.density = {n.rho:.6g};
-    mat_props.mu_fric_s = granpinn_laws[k][0];
-    mat_props.mu_fric_2 = granpinn_laws[k][1];
-    mat_props.mu_I0 = granpinn_laws[k][2];
-    mat_props.average_diam = {n.d:.6g};
-    mat_props.cohesion_coeff = 0;
-}}
-"""
+    laws = [result.theta, *draws_of(result).tolist()]
+    return dict(zip(KEYS, result.theta, strict=True)) | {"d": d, "rho": data.density, "laws": laws}
 
 
 def _json(result: Result) -> str:
@@ -242,27 +159,3 @@ def _json(result: Result) -> str:
         "assessment": encode(result.assessment),
     }
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def _comment(facts: list[str]) -> str:
-    """Lines of // comments; a backslash at the end would join the next one."""
-    return "\n".join(f"// {' '.join(line.split())}".replace("\\", "/") for line in facts)
-
-
-def _table(n: Numbers) -> str:
-    """The law and its draws in C."""
-    rows = [[n.mu_s, n.mu_2, n.I0], *n.draws.tolist()]
-    cells = "".join(f"  {{{a:.6g}, {b:.6g}, {c:.6g}}},\n" for a, b, c in rows)
-    return f"""// Rows of (mu_s, mu_2, I0): the law, then granpinn_draws draws by its error bars.
-enum {{ granpinn_draws = {len(n.draws)} }};
-static const double granpinn_laws[][3] = {{
-{cells}}};
-"""
-
-
-PROGRAMS: dict[str, Callable[[Numbers, list[str]], str]] = {
-    "openfoam": _openfoam,
-    "basilisk": _basilisk,
-    "chrono": _chrono,
-}
-FORMATS = (*PROGRAMS, "json")

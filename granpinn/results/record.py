@@ -8,12 +8,14 @@ drawn through the methods below, so that nothing else knows what it holds.
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from granpinn.output.table import Table as Table  # checks take it from here
 
 if TYPE_CHECKING:
     from granpinn.config import Config
@@ -46,22 +48,6 @@ class Reason:
 
     def __str__(self) -> str:
         return f"{self.grade}: {self.sentence}"
-
-
-class Table(NamedTuple):
-    """Texts in columns; the first cell of a row is its name."""
-
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-    def lines(self) -> list[str]:
-        """The lines for a terminal: names to the left, other cells to the right."""
-        every = [self.head, *self.rows]
-        wide = [max(len(row[k]) for row in every) for k in range(len(self.head))]
-        return [
-            "  ".join([row[0].ljust(wide[0]), *map(str.rjust, row[1:], wide[1:])]).rstrip()
-            for row in every
-        ]
 
 
 @dataclass(frozen=True)
@@ -113,10 +99,8 @@ class Check:
             only.
         flag: the setting that asks for it too.
         quick: whether the default makes it; of a flow: whether `convert` and `train` make it too.
-        trains: whether it trains more networks, in which every process takes part.
         explains: whether a slip that it finds explains what later checks of this kind would find,
             which are then left out.
-        refuse: raises ConfigError for settings under which it cannot be asked for.
     """
 
     name: str
@@ -125,9 +109,7 @@ class Check:
     seconds: float
     flag: str | None = None
     quick: bool = True
-    trains: bool = False
     explains: bool = False
-    refuse: Callable[[Config], None] | None = None
 
     def wanted(self, config: Config) -> bool:
         """Whether the settings want this check of a fit."""
@@ -138,16 +120,6 @@ class Check:
         """Whether the settings name this check, or ask for it by its flag."""
         flag = self.flag is not None and bool(getattr(config, self.flag))
         return flag or self.name in config.checks.split(",")
-
-
-def make(context: Any, checks: Sequence[Check]) -> None:
-    """Make checks one after another; one that fails leaves its reason, and the others go on.
-
-    Args:
-        context: a `fit.context.Context` or an `inspection.Inspection`.
-    """
-    for check in checks:
-        context.take(check)
 
 
 def names(room: str) -> list[str]:

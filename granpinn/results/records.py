@@ -8,7 +8,6 @@ from importlib import metadata
 from typing import Any
 
 from granpinn.results.decoding import CONVERTER
-from granpinn.results.parameters import Parameters
 from granpinn.results.record import Reason
 
 
@@ -140,22 +139,6 @@ class Input:
 
     name: str
     sha256: str
-
-
-@dataclass(frozen=True)
-class ComparedLaw:
-    """A law, as near to the free curve as it comes.
-
-    Attributes:
-        law: its name.
-        parameters: of the law that is nearest to the free curve; not those of the identification.
-        not_told_apart_from: names of laws whose curves differ by less than the band of the free
-            curve.
-    """
-
-    law: str
-    parameters: Parameters
-    not_told_apart_from: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,8 @@ import numpy as np
 from granpinn.arrays import Float64, Floats
 from granpinn.config import LEVELS
 from granpinn.data import Truth
-from granpinn.output import html, write_text
+from granpinn.output import write_text
+from granpinn.output.table import Table, paragraphs
 from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.rheology import by_parameters
 from granpinn.physics.terms import FORMS
@@ -89,7 +90,6 @@ class FlowOfLaw:
 
 FORMAT_NAME = "granpinn-results"
 FORMAT_VERSION = 4
-TABLE_HEAD = ("", "value", "std", "90 % interval", "true", "error %")
 
 
 @dataclass(frozen=True)
@@ -222,54 +222,32 @@ class Result:
 
     def summary(self) -> str:
         """All that is known as text: tables, every check, and the assessment at the end."""
-        lines = [
-            f"{name:6s}{value:>9s}{std:>10s}{interval:>19s}{true:>9s}{error:>10s}"
-            if value != NOT_DETERMINED
-            else f"{name:6s}{value:>19s}{interval:>19s}{true:>9s}{error:>10s}"
-            for name, value, std, interval, true, error in (TABLE_HEAD, *self._table())
-        ]
-        for name, error in self._field_errors():
-            lines.append(f"{name:53s}{error:>10s}")
-        lines += self._sentences()
-        return "\n".join([*lines, f"assessment: {self.assessment}"])
+        parts = [*self.table.lines(), *self._facts(), *map(str, self.checks.values())]
+        return "\n".join([*parts, *self._missing(), f"assessment: {self.assessment}"])
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with the assessment first."""
-        rows = self._table()
-        rows += [(name, "", "", "", "", error) for name, error in self._field_errors()]
-        parts = [html.paragraphs([str(self.assessment)]), html.table(rows, TABLE_HEAD)]
-        parts.append(html.paragraphs(self._facts()))
+        parts = [paragraphs([str(self.assessment)]), self.table.html(), paragraphs(self._facts())]
         for record in self.checks.values():
-            parts.append(html.paragraphs([record.words]))
-            if record.table is not None:
-                parts.append(html.table(record.table.rows, record.table.head))
-        parts.append(html.paragraphs(self._missing()))
-        return "\n".join(parts)
+            parts.append(paragraphs([record.words]))
+            parts += [] if record.table is None else [record.table.html()]
+        return "\n".join([*parts, paragraphs(self._missing())])
 
-    def _table(self) -> list[tuple[str, ...]]:
-        """The texts of a line for each parameter, in the columns of `TABLE_HEAD`."""
-        rows: list[tuple[str, ...]] = []
+    @property
+    def table(self) -> Table:
+        """Every parameter, and the error of every field; of the simulated pressure if known."""
+        rows = []
         for name, p in self.parameters.items():
-            std = "fixed" if p.fixed else number(p.std, ".4f")
+            std = "given" if p.fixed else number(p.std, ".4f")
             interval = " to ".join(f"{end:.4f}" for end in p.interval_90 or ()) or "-"
             true = number(getattr(self.truth, name, None), ".4f")
-            error = number(self.error_percent.get(name), ".2f")
             value, std = (f"{p.value:.4f}", std) if p.determined else (NOT_DETERMINED, "")
-            rows.append((name, value, std, interval, true, error))
-        return rows
-
-    def _field_errors(self) -> list[tuple[str, str]]:
-        """Names of fields and their errors; those of the simulated pressure where there are any."""
-        errors = {name: number(self.error_percent[name], ".2f") for name in FIELD_ERRORS}
-        return [
-            (name.replace("_", ", "), error)
-            for name, error in errors.items()
-            if error != "-" or "simulated" not in name
-        ]
-
-    def _sentences(self) -> list[str]:
-        """What there is to say beside the numbers."""
-        return [*self._facts(), *map(str, self.checks.values()), *self._missing()]
+            rows.append((name, value, std, interval, true, percent(self.error_percent.get(name))))
+        for name in FIELD_ERRORS:
+            error = percent(self.error_percent[name])
+            if error != "-" or "simulated" not in name:
+                rows.append((name.replace("_", ", "), "", "", "", "", error))
+        return Table(("", "value", "std", "90 % interval", "true", "error %"), rows)
 
     def _facts(self) -> list[str]:
         """What is known of the law beside its numbers."""
@@ -291,7 +269,11 @@ def number(value: float | None, spec: str) -> str:
     return "-" if value is None else format(value, spec)
 
 
-BAND_POINTS = 200  # of laws that are compared over a range of I
+def percent(value: float | None) -> str:
+    """An error in %: two decimals, or two digits of a small one; a dash where there is none."""
+    return number(value, ".2g" if value is not None and value < 0.1 else ".2f")
+
+
 NORMAL_90 = 1.645  # half-width of the central 90 % of a normal distribution, in sd
 
 

@@ -1,24 +1,18 @@
-"""From the members of a batch to the rows of a table: median, scatter and worst over the seeds.
+"""The rows of the tables: a case with all its seeds, and the statistics over them.
 
-A signed error is 100 (value - true)/true, an absolute one its size. **Scatter** is the standard
-deviation of the identified value over the seeds relative to the true one, **worst** the largest
-absolute error. RMSE is the root of the mean squared signed error, **bias** the mean signed error:
-rmse^2 = bias^2 + scatter^2 (n - 1)/n. Trainings that diverged are counted, but have no part in
-other numbers.
+Trainings that diverged are counted, but have no part in a statistic.
 """
 
 from __future__ import annotations
 
-import math
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from granpinn.data import Flow, Truth
+from granpinn.data import Flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import Result
-from granpinn.results.parameters import FIELD_ERRORS
 from granpinn.tables.paper import PaperRow, row_1, row_2
 
 
@@ -31,95 +25,47 @@ class TableCase(NamedTuple):
 
     @property
     def name(self) -> str:
+        """The true parameters, such as (0.40, 0.64), where all are known; else the file's name."""
+        truth = self.flow.truth
+        true = [None] if truth is None else [getattr(truth, n) for n in truth.friction_law.free]
+        if None not in true:
+            return f"({', '.join(f'{value:.2f}' for value in true)})"
         return self.flow.path.stem if self.flow.path else "in memory"
 
 
 @dataclass(frozen=True)
-class Spread:
-    """Errors in % over the seeds; None where they are not known."""
-
-    median: float | None
-    worst: float | None
-    scatter: float | None = None
-    rmse: float | None = None
-    bias: float | None = None
-    signed_median: float | None = None
-
-
-@dataclass(frozen=True)
 class TableRow:
-    """A case over its seeds.
+    """A case and the results of all its seeds."""
 
-    Attributes:
-        fixed: values of the parameters that are held.
-        values: medians of the identified parameters; None if all trainings diverged.
-        errors: by the names of the identified parameters and `FIELD_ERRORS`.
-        members: number of finished trainings; failed: number of diverged ones.
-    """
+    case: TableCase
+    results: Sequence[Result]
 
-    name: str
-    noise: float
-    level: str
-    truth: Truth | None
-    fixed: dict[str, float]
-    n_points: int
-    members: int
-    failed: int
-    values: dict[str, float | None]
-    errors: dict[str, Spread]
-    paper_1: PaperRow | None
-    paper_2: PaperRow | None
+    @property
+    def ended(self) -> list[Result]:
+        return [r for r in self.results if r.failure is None]
 
+    @property
+    def failed(self) -> int:
+        return len(self.results) - len(self.ended)
 
-def row_of(case: TableCase, results: Sequence[Result]) -> TableRow:
-    """The row of a case from the results of all its seeds."""
-    ended = [r for r in results if r.failure is None]
-    truth, law = case.flow.truth, results[0].friction_law
-    errors: dict[str, Spread] = {}
-    medians: dict[str, float | None] = {}
-    for name in law.free:
-        values = [r.parameters[name].value for r in ended]
-        medians[name] = statistics.median(values) if values else None
-        errors[name] = _spread(values, getattr(truth, name, None))
-    for name in FIELD_ERRORS:
-        known = [r.error_percent[name] for r in ended]
-        errors[name] = _of_sizes(value for value in known if value is not None)
-    return TableRow(
-        name=case.name,
-        noise=case.noise,
-        level=case.level,
-        truth=truth,
-        fixed={name: p.value for name, p in results[0].parameters.items() if p.fixed},
-        n_points=results[0].data.n_points,
-        members=len(ended),
-        failed=len(results) - len(ended),
-        values=medians,
-        errors=errors,
-        paper_1=row_1(truth, case.noise) if law is DEFAULT else None,
-        paper_2=row_2(truth, case.noise) if law is DEFAULT else None,
-    )
+    def value(self, name: str) -> float | None:
+        """Median of an identified parameter."""
+        values = [r.parameters[name].value for r in self.ended]
+        return statistics.median(values) if values else None
 
+    def error(self, name: str) -> tuple[float | None, float | None]:
+        """Median and largest absolute error of a parameter or a field, in %."""
+        errors = [e for r in self.ended if (e := r.error_percent.get(name)) is not None]
+        return (statistics.median(errors), max(errors)) if errors else (None, None)
 
-def _spread(values: Sequence[float], true: float | None) -> Spread:
-    """Errors of identified values around the true one."""
-    if not values or not true:
-        return Spread(None, None)
-    signed = [100 * (value - true) / true for value in values]
-    sizes = [abs(error) for error in signed]
-    return Spread(
-        median=statistics.median(sizes),
-        worst=max(sizes),
-        scatter=statistics.stdev(signed) if len(signed) > 1 else None,
-        rmse=math.sqrt(statistics.fmean(error**2 for error in signed)),
-        bias=statistics.fmean(signed),
-        signed_median=statistics.median(signed),
-    )
+    def scatter(self, name: str) -> float | None:
+        """Standard deviation of a parameter over the seeds, in % of the true one."""
+        values, true = [r.parameters[name].value for r in self.ended], self.case.flow.truth
+        known = getattr(true, name, None)
+        return 100 * statistics.stdev(values) / known if known and len(values) > 1 else None
 
-
-def _of_sizes(sizes: Iterable[float]) -> Spread:
-    """Statistics of errors without a sign."""
-    known = list(sizes)
-    if not known:
-        return Spread(None, None)
-    scatter = statistics.stdev(known) if len(known) > 1 else None
-    return Spread(statistics.median(known), max(known), scatter)
+    def paper(self, table: int) -> PaperRow | None:
+        """The row of the paper in its table 1 or 2, if it has one."""
+        if self.results[0].law.name != DEFAULT.name:
+            return None
+        return (row_1, row_2)[table - 1](self.case.flow.truth, self.case.noise)

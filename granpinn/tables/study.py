@@ -14,7 +14,7 @@ from granpinn.identification.batch import identify_many
 from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.results import Result
 from granpinn.tables.paper import NOISY_CASE, case_of
-from granpinn.tables.rows import TableCase, TableRow, row_of
+from granpinn.tables.rows import TableCase, TableRow
 from granpinn.training.progress import Progress
 
 I0_UNKNOWN = 0.3  # the paper's I0
@@ -22,17 +22,15 @@ I0_UNKNOWN = 0.3  # the paper's I0
 
 @dataclass(frozen=True)
 class Study:
-    """Rows in the order of the cases, the result of every training, and the time of the batches.
+    """Rows in the order of the cases, and the time of the batches.
 
     Attributes:
-        results: of every case, its seeds in order.
         training_s: training alone, by level; total_s: with reading, scoring and writing.
     """
 
     config: Config
     seeds: int
     rows: list[TableRow]
-    results: list[Sequence[Result]]
     training_s: dict[str, float]
     total_s: float
 
@@ -84,9 +82,9 @@ def run(
         found = _train(list(these), own, seeds, I0, place, progress)
         groups += [found[k : k + seeds] for k in range(0, len(found), seeds)]
         training_s[level] = max(r.timing.wall_s for r in found)
-    rows = [row_of(case, group) for case, group in zip(cases, groups, strict=True)]
+    rows = [TableRow(case, group) for case, group in zip(cases, groups, strict=True)]
     config = dataclasses.replace(config, out=None, flow=None)
-    return Study(config, seeds, rows, groups, training_s, time.monotonic() - begin)
+    return Study(config, seeds, rows, training_s, time.monotonic() - begin)
 
 
 def batches(count: int) -> str:

@@ -112,8 +112,8 @@ def test_a_check_that_is_not_there_is_refused(flow: Flow, tmp_path: Path) -> Non
     [
         ({}, {"shared_law", "momentum_balance", "simulated_pressure"}),
         ({"checks": "none"}, set()),
-        ({"checks": "none", "resimulate": True}, {"resimulation", "simulator_fit"}),
-        ({"checks": "simulator_fit"}, {"simulator_fit"}),
+        ({"checks": "none", "resimulate": True}, {"resimulation"}),
+        ({"checks": "resimulation"}, {"resimulation"}),
     ],
 )
 def test_the_settings_say_which_checks_are_made(

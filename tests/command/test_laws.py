@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from granpinn.checks import simulator_fit
 from granpinn.data import read_flow
 from granpinn.physics.laws import LAWS
 from granpinn.training.history import columns
@@ -54,9 +53,7 @@ def test_every_law_from_the_simulation_to_the_results(
     flow_of: Simulate,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(simulator_fit, "ROUNDS", 1)  # its search has its own tests
     law, flow, run = LAWS[name], flow_of(name), tmp_path / "run"
     truth = read_flow(flow).truth
     assert truth is not None

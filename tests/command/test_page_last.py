@@ -52,11 +52,9 @@ def test_a_page_names_what_was_not_done(
 ) -> None:
     figures()
     result = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
-    results.write_results(
-        result.without("profile_of_I0", "a <b> reason"), tmp_path / "results.json"
-    )
+    results.write_results(result.without("unknown_I0", "a <b> reason"), tmp_path / "results.json")
     page = training_run.report.build(tmp_path).read_text()
-    assert "<li>Profile of i0: a &lt;b&gt; reason</li>" in page
+    assert "<li>Unknown i0: a &lt;b&gt; reason</li>" in page
 
 
 @pytest.mark.usefixtures("no_report")

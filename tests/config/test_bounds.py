@@ -21,7 +21,7 @@ NUMBERS = {
 }
 # Of these the memory or the time of a run limits the use.
 COSTLY = ("members", "batch.interior", "batch.surface", "steps", "epochs", "max_time", "network")
-LATER = ("profile", "simulated_pressure", "resimulation")
+LATER = ("simulated_pressure", "resimulation")
 
 
 def bounds(stated: Setting) -> tuple[float, float]:

@@ -44,12 +44,12 @@ def test_navigation_has_every_page_once() -> None:
 
 def test_the_note_of_a_study_is_a_page(tmp_path: Path) -> None:
     repository = hook("repository")
-    note = tmp_path / "bench" / "studies" / "simulator_fit" / "note.md"
+    note = tmp_path / "bench" / "studies" / "simulator_validation" / "note.md"
     note.parent.mkdir(parents=True)
     note.write_text("# Fit\n")
-    source = "bench/studies/simulator_fit/note.md"
-    assert repository.pages(tmp_path)[source] == "evidence/simulator-fit.md"
-    assert repository.place_on_site(source, tmp_path) == "evidence/simulator-fit.md"
+    source = "bench/studies/simulator_validation/note.md"
+    assert repository.pages(tmp_path)[source] == "evidence/simulator-validation.md"
+    assert repository.place_on_site(source, tmp_path) == "evidence/simulator-validation.md"
     assert repository.place_on_site("docs/index.md", tmp_path) == "index.md"
 
 

@@ -24,7 +24,7 @@ def test_good_data(inspected: Inspection) -> None:
     assert "Expected of a training at level V1: mu_s to" in text
     assert "Add frames" not in text
     assert found["gravity"].fall.size == pytest.approx(1, abs=0.05)
-    assert found["gravity"].fall.tilt(found.flow.gravity) == pytest.approx(0, abs=2)
+    assert found["gravity"].fall.tilt == pytest.approx(0, abs=2)
     assert found["vectors"].invalid_share == 0
     assert 0.05 < found["inertial_number"].q95 < 0.2
     assert found["shear"].divergence < 0.05

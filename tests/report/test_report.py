@@ -79,11 +79,12 @@ def test_values_and_errors_have_their_digits() -> None:
         "Good to use. μ(I) is known to ± 6.1 %: 0.420 (0.400 to 0.440) at I = 0.01",
         "μ₂, 0.61 (no interval), is extrapolated",
         "I0 0.3 given, not identified",
-        "μs 0.4100 0.0120 0.3900 to 0.4300 0.4000 2.50",
-        "μ2 0.6100 - - 0.6400 4.69",
-        "I0 0.3000 given 0.3000 -",
+        "μₛ 0.4100 0.0120 0.3900 to 0.4300 0.4000 2.50",
+        "μ₂ 0.6100 - - 0.6400 4.69",
+        "I₀ 0.3000 given - 0.3000 -",
         "velocity 0.80",
-        "pressure, all 4.00 1,200 pressure, flowing - 900 pressure, stagnant - 300",
+        "pressure 4.00 pressure, flowing - pressure, stagnant - ",
+        "300 points are stagnant, 900 flow",
         "1,234 velocity vectors of 12 frames and 56 surface points",
         "White noise of 5 % of the maximum speed",
         "4,000 steps in 0 s (123 per second) on cpu; the time limit decided how many",
@@ -127,7 +128,7 @@ def test_the_simulated_pressure_is_said_in_words(
     text = render(make_result(checks=checks, error_percent=errors)).text
     assert words in text
     assert "The simulated pressure is off the reference by 1.60 %." in text
-    assert "simulated pressure, all 1.60 simulated, flowing - simulated, stagnant 0.90" in text
+    assert "pressure, simulated 1.60 pressure, simulated, stagnant 0.90" in text
     assert "simulator" not in render(make_result(checks={})).text
 
 
@@ -172,7 +173,7 @@ def test_an_I0_that_was_identified(truth: Truth | None, words: str) -> None:
     members = replace(members, values=members.values | I0)
     text = render(make_result(parameters=parameters, truth=truth, members=members)).text
     assert f"I0 0.300 ± 0.020 {words}" in text
-    assert "I0 0.3000 0.0200 0.2700 to 0.3300" in text
+    assert "I₀ 0.3000 0.0200 0.2700 to 0.3300" in text
     assert "What they do not mean" not in text
 
 

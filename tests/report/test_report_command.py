@@ -107,7 +107,7 @@ def test_the_command_writes_the_fields_for_paraview(
     run_dir: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([str(run_dir), "--paraview"]) == 0
-    page, path = run_dir / "report.html", run_dir / "fields.vtkhdf"
+    page, path = run_dir / "report.html", run_dir / "fields.nc"
     assert capsys.readouterr() == (f"{page}\n{path}\n", "")
     assert path.stat().st_size > 0
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from granpinn.checks.comparison_of_laws import LawComparison
+from granpinn.checks.comparison_of_laws import CHOSEN, EXCLUDED, ComparedLaw, LawComparison
 from granpinn.checks.momentum_balance import Difference, MomentumBalance
 from granpinn.inspection.momentum_balance import Baseline
 from granpinn.results import (
@@ -25,7 +25,6 @@ from granpinn.results import (
 from granpinn.results.assessment import CONDITIONS, GRADES, Assessment
 from granpinn.results.identified_law import Curve
 from granpinn.results.record import Reason
-from granpinn.results.records import ComparedLaw
 from granpinn.results.result import FlowOfLaw
 from tests.examples import BASELINE, make_result
 
@@ -78,8 +77,8 @@ ALIKE = Parameters(mu_s=Parameter(0.4, fixed=False))
 
 
 LAWS = (
-    ComparedLaw("coulomb", ALIKE, ("power",)),
-    ComparedLaw("mu_of_i", EXAMPLE.parameters),
+    ComparedLaw("coulomb", CHOSEN, ALIKE),
+    ComparedLaw("mu_of_i", EXCLUDED, EXAMPLE.parameters),
 )
 
 
@@ -161,7 +160,7 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "disagreeing": (far(-16.0), "care", "by -16.0 +- 5.0 % at I = 0.2: one of them is wrong."),
     "agreeing": (far(-14.0), "good", "mu(I) is known to"),
     "another law": (
-        {"checks": {"comparison_of_laws": LawComparison(LAWS, "coulomb")}},
+        {"checks": {"comparison_of_laws": LawComparison(LAWS)}},
         "care",
         "The data support another law: a constant friction of 0.4 explains these data",
     ),

@@ -17,7 +17,7 @@ import pytest
 from granpinn.commands import export
 from granpinn.errors import BadInput
 from granpinn.results import Input, Parameter, Parameters, Result, write_results
-from granpinn.results.export import DRAWS, PROGRAMS, draws_of
+from granpinn.results.export import DRAWS, FORMATS, draws_of
 from granpinn.results.parameters import Determined
 from tests.examples import PARAMETERS, make_result
 
@@ -113,7 +113,7 @@ def test_json_has_null_where_nothing_is_determined() -> None:
     assert content["parameters"]["mu_s"]["value"] == 0.41
     assert content["draws"] == {"mu_s": [], "mu_2": [], "I0": []}
     assert "mu_2 = not determined" in content["comment"]
-    for to in PROGRAMS:
+    for to in FORMATS[:-1]:
         with pytest.raises(BadInput, match="mu_2 not determined"):
             result.export(to)
 

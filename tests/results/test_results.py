@@ -172,14 +172,14 @@ def test_the_answer_says_why_it_is_not_good() -> None:
 
 def test_the_summary_is_a_table() -> None:
     assert make_result().summary().splitlines() == [
-        "          value       std      90 % interval     true   error %",
-        "mu_s     0.4100    0.0120   0.3900 to 0.4300   0.4000      2.50",
-        "mu_2     0.6100         -                  -   0.6400      4.69",
-        "I0       0.3000     fixed                  -   0.3000         -",
-        "velocity                                                   0.80",
-        "pressure                                                   4.00",
-        "pressure, flowing                                             -",
-        "pressure, stagnant                                            -",
+        "                     value     std     90 % interval    true  error %",
+        "mu_s                0.4100  0.0120  0.3900 to 0.4300  0.4000     2.50",
+        "mu_2                0.6100       -                 -  0.6400     4.69",
+        "I0                  0.3000   given                 -  0.3000        -",
+        "velocity                                                         0.80",
+        "pressure                                                         4.00",
+        "pressure, flowing                                                   -",
+        "pressure, stagnant                                                  -",
         "mu(I) over I = 0.01 to 0.2: mu = 0.420 (0.400 to 0.440) to 0.490 (0.460 to 0.520), "
         "with the 90 % band",
         "momentum balance, no network: mu = 0.410 +- 0.010 at I = 0.01, "

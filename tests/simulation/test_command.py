@@ -14,7 +14,7 @@ import pytest
 import granpinn
 from granpinn.commands import simulate as command
 from granpinn.figures.animation import animate
-from granpinn.simulation import PAPER_CASES, Collapse, SimulationError
+from granpinn.simulation import Collapse, SimulationError
 from granpinn.simulation.engine import Engine, StepReport
 from granpinn.simulation.run import lines
 
@@ -113,14 +113,6 @@ def test_failed_solve_stops_with_its_numbers(tmp_path: Path) -> None:
 
     with pytest.raises(SimulationError, match="pressure solve of step 0 .* after 1 iterations"):
         Engine(Collapse(cells=64, threads=1), largest_iteration_count=1)
-
-
-def test_paper_cases_make_six_files_and_their_figure(tmp_path: Path) -> None:
-    folder = tmp_path / "cases"
-    assert command.main(["--paper-cases", str(folder), *FLAGS]) == 0
-    names = {f"collapse_{a:.2f}_{b:.2f}.h5" for a, b in PAPER_CASES}
-    assert {path.name for path in folder.iterdir()} == names | {"final_states.png"}
-    assert (folder / "final_states.png").stat().st_size > 10_000
 
 
 def test_progress_lines(capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,7 +10,7 @@ import pytest
 from granpinn.data import Flow, Truth
 from granpinn.results import ErrorPercent, Parameter, Parameters, Result
 from granpinn.tables.paper import TABLE_1, TABLE_2, PaperRow
-from granpinn.tables.rows import TableCase, row_of
+from granpinn.tables.rows import TableCase, TableRow
 from tests.examples import make_result
 from tests.flows import make_flow
 
@@ -23,34 +23,38 @@ def result_of(mu_s: float, mu_2: float, seed: int, p: float | None = 1.0) -> Res
     parameters = Parameters(
         mu_s=Parameter(mu_s, False), mu_2=Parameter(mu_2, False), I0=Parameter(0.3, True)
     )
-    return make_result(parameters=parameters, seed=seed, error_percent=ErrorPercent(pressure=p))
+    errors = ErrorPercent(mu_s=abs(mu_s - 0.4) / 0.004, pressure=p)
+    return make_result(parameters=parameters, seed=seed, error_percent=errors)
 
 
-def test_median_worst_scatter_and_rmse() -> None:
+def test_median_worst_and_scatter() -> None:
     case = TableCase(flow_of(0.4, 0.64), 0.0)
     values = (0.404, 0.398, 0.400)  # +1, -0.5, 0 %
     pressures = (2, 4, 3)
-    row = row_of(case, [result_of(values[k], 0.64, k, pressures[k]) for k in range(3)])
-    errors = row.errors["mu_s"]
-    assert row.values["mu_s"] == 0.4
-    assert errors.median == pytest.approx(0.5)
-    assert errors.worst == pytest.approx(1.0)
-    assert errors.rmse == pytest.approx(math.sqrt(1.25 / 3))
-    assert errors.scatter == pytest.approx(math.sqrt((1 + 0.25 - 0.25 / 3) / 2))
-    assert errors.signed_median == pytest.approx(0.0, abs=1e-9)
-    assert errors.bias == pytest.approx(0.5 / 3)
-    assert (row.errors["pressure"].median, row.errors["pressure"].worst) == (3, 4)
-    assert (row.members, row.failed) == (3, 0)
+    row = TableRow(case, [result_of(values[k], 0.64, k, pressures[k]) for k in range(3)])
+    assert case.name == "(0.40, 0.64)"
+    assert row.value("mu_s") == 0.4
+    assert row.error("mu_s") == pytest.approx((0.5, 1.0))
+    assert row.scatter("mu_s") == pytest.approx(math.sqrt((1 + 0.25 - 0.25 / 3) / 2))
+    assert row.error("pressure") == (3, 4)
+    assert row.error("pressure_simulated") == (None, None)
+    assert row.failed == 0
+    assert row.paper(1) == TABLE_1[0.4, 0.64]
+    assert row.paper(2) is None
 
 
 def test_a_training_that_diverged_is_counted_and_left_out() -> None:
     good, bad = result_of(0.4, 0.6, 0), replace(result_of(9.0, 99.0, 1), failure="not finite")
-    row = row_of(TableCase(flow_of(0.4, 0.64), 0.0), [good, bad])
-    assert (row.members, row.failed, row.values["mu_2"]) == (1, 1, 0.6)
-    assert row.errors["mu_s"].scatter is None
-    row = row_of(TableCase(flow_of(0.4, 0.64), 0.0), [bad])
-    assert row.values["mu_s"] is None
-    assert row.errors["mu_s"].median is None
+    row = TableRow(TableCase(flow_of(0.4, 0.64), 0.0), [good, bad])
+    assert (len(row.ended), row.failed, row.value("mu_2")) == (1, 1, 0.6)
+    assert row.scatter("mu_s") is None
+    row = TableRow(TableCase(flow_of(0.4, 0.64), 0.0), [bad])
+    assert row.value("mu_s") is None
+    assert row.error("mu_s") == (None, None)
+
+
+def test_a_case_without_true_values_has_the_name_of_its_file() -> None:
+    assert TableCase(flow_of(0.4, None), 0.0).name == "in memory"
 
 
 @pytest.mark.parametrize("row", [*TABLE_1.items(), *(((0.6, 0.84), r) for r in TABLE_2.values())])

@@ -93,7 +93,7 @@ def _hdf5(content: bytes, folder: Path) -> bool:
 CHECKS: dict[str, Callable[[bytes, Path], bool]] = {
     ".json": lambda content, _: json.loads(content) is not None,
     ".h5": _hdf5,
-    ".vtkhdf": _hdf5,
+    ".nc": _hdf5,
     ".png": lambda content, _: content.startswith(b"\x89PNG") and b"IEND" in content[-16:],
     ".gif": lambda content, _: content.startswith(b"GIF8") and content.endswith(b";"),
     ".html": lambda content, _: content.rstrip().endswith(b"</html>"),

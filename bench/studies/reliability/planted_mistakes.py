@@ -52,7 +52,7 @@ TESTS = {
     "strip": [
         "tests/data/test_surface_strip.py",
         "tests/data/test_variants.py",
-        "tests/checks/test_profile_of_I0.py",
+        "tests/fit/test_loss.py",
     ],
 }
 
