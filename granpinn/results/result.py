@@ -65,7 +65,7 @@ class FlowOfLaw:
     """
     Attributes:
         I_range: 5th and 95th percentile of I over its points that shear; None without any.
-        residuals: of its network, which has the shared law.
+        residuals: of its network.
         assessment: of the fit of this flow.
     """
 
