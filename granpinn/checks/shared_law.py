@@ -125,4 +125,4 @@ def make(context: Context) -> None:
         raise CannotGoOn("expected several flows with one law, got one flow: use --one-law")
 
 
-CHECK = Check("shared_law", SharedLaw, make, seconds=0.0)
+CHECK = Check("shared_law", SharedLaw, make, seconds=0.0, flag="one_law", quick=False)

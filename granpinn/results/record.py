@@ -97,7 +97,7 @@ class Check:
         seconds: that it takes after a training of one minute on two cores, roughly. Checks are made
             in this order. Those of a flow take 2 s together: theirs give the order of the lines
             only.
-        flag: the setting that asks for it too.
+        flag: the setting or the word of the command that asks for it too.
         quick: whether the default makes it; of a flow: whether `convert` and `train` make it too.
         explains: whether a slip that it finds explains what later checks of this kind would find,
             which are then left out.
@@ -118,7 +118,7 @@ class Check:
 
     def asked(self, config: Config) -> bool:
         """Whether the settings name this check, or ask for it by its flag."""
-        flag = self.flag is not None and bool(getattr(config, self.flag))
+        flag = self.flag is not None and bool(getattr(config, self.flag, False))
         return flag or self.name in config.checks.split(",")
 
 

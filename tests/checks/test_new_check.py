@@ -110,7 +110,7 @@ def test_a_check_that_is_not_there_is_refused(flow: Flow, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("settings", "expected"),
     [
-        ({}, {"shared_law", "momentum_balance", "simulated_pressure"}),
+        ({}, {"momentum_balance", "simulated_pressure"}),
         ({"checks": "none"}, set()),
         ({"checks": "none", "resimulate": True}, {"resimulation"}),
         ({"checks": "resimulation"}, {"resimulation"}),

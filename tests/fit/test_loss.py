@@ -15,13 +15,15 @@ from granpinn.fit.case import pose
 from granpinn.fit.ensemble import final_loss
 from granpinn.identification.start import start
 from granpinn.physics.terms import NAMES as TERMS
+from granpinn.training.parallel import processes
 from tests.data.walled import FLOOR
 from tests.runs import tiny
 
 
 def test_final_loss_is_that_of_all_points_below_the_highest_vectors(flow: Flow) -> None:
     config = tiny(dtype="float64", optimizer__average=0.3)
-    run = start([pose(replace(flow, walls=FLOOR), config)], config, None, None, time.monotonic())
+    cases = [pose(replace(flow, walls=FLOOR), config)]
+    run = start(cases, config, None, None, time.monotonic(), processes("cpu"))
     run.train()
     found = final_loss(run.trainer, 0)
     assert found is not None
