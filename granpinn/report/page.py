@@ -22,6 +22,7 @@ from granpinn.declared import checked
 from granpinn.figures import album, maps
 from granpinn.output import replacing, write_text
 from granpinn.output.table import Table
+from granpinn.output.templates import environment
 from granpinn.results import (
     Fields,
     FieldsFileError,
@@ -141,15 +142,9 @@ def render(
 
 def template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
     """A template of this folder with the filters `number`, `symbol` and others."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "symbol": symbol, "reason": in_symbols, **filters}
-    return environment.get_template(name)
+    templates = environment(TEMPLATES, autoescape=True)
+    templates.filters |= {"number": number, "symbol": symbol, "reason": in_symbols, **filters}
+    return templates.get_template(name)
 
 
 def symbol(text: str) -> Markup:

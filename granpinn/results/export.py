@@ -19,6 +19,7 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.errors import BadInput
+from granpinn.output.templates import environment
 from granpinn.results.assessment import reach_of
 from granpinn.results.decoding import encode
 from granpinn.results.parameters import NOT_DETERMINED
@@ -48,16 +49,7 @@ def text_of(result: Result, to: str) -> str:
         return _json(result)
     if to not in FORMATS:
         raise BadInput(f"expected one of {', '.join(FORMATS)}, got {to!r}")
-    import jinja2  # slow to import
-
-    templates = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=False,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    templates = environment(TEMPLATES, autoescape=False, keep_trailing_newline=True)
     # One comment a line; a backslash at its end would join the next one.
     lines = [" ".join(line.split()).replace("\\", "/") for line in facts(result)]
     return templates.get_template(f"{to}.txt").render(facts=lines, **_numbers(result, to))
