@@ -52,9 +52,8 @@ class SharedLaw(Record):
     notes = (
         "The law of all flows fits the laws of the single flows best, each weighed by its errors, "
         "of which a part is common to all flows. Chi-square: the scatter of the single laws around "
-        "it, over their errors. p is the share of draws "
-        "from these errors that scatter more. Flows of one law have p < 0.01 in 1 % of all groups, "
-        "as far as the error model is right."
+        "it, over their errors. p is the share of draws from these errors that scatter more. Flows "
+        "of one law have p < 0.01 in 1 % of all groups, as far as the error model is right."
     )
 
     flows: tuple[LawApart, ...]
@@ -72,7 +71,8 @@ class SharedLaw(Record):
             )
 
     @property
-    def words(self) -> str:
+    def verdict(self) -> str:
+        """Whether they have one law, in words."""
         said = (
             "the flows differ by more than their errors"
             if self.different
@@ -80,8 +80,12 @@ class SharedLaw(Record):
         )
         return (
             f"{said}: chi-square {self.chi_square:.2g} with {self.freedom} degrees of freedom, "
-            f"p = {self.p_value:.2g}\n{self.I0}"
+            f"p = {self.p_value:.2g}"
         )
+
+    @property
+    def words(self) -> str:
+        return f"{self.verdict}\n{self.I0}"
 
     @property
     def different(self) -> bool:
@@ -97,8 +101,7 @@ class SharedLaw(Record):
         return Table(("flow", "I", "mu by itself", "mu of one law"), rows)
 
     def reasons(self, result: Result) -> list[Reason]:
-        words, _ = self.words.split("\n")
-        words = f"{words[0].upper()}{words[1:]}."
+        words = f"{self.verdict[0].upper()}{self.verdict[1:]}."
         if self.outside and self.different:
             words += f" These errors are extrapolated: {', '.join(self.outside)}."
         return [Reason(CARE if self.different else GOOD, words)]
@@ -111,12 +114,14 @@ def compared(results: Sequence[Result], law: OneLaw) -> SharedLaw:
         assert result.law.I_range is not None
         assert result.covariance is not None
         I = np.array(result.law.I_range)
-        mu, joint = (result.friction_law.friction(I, *theta) for theta in (result.theta, law.theta))
+        mu, joint = (
+            result.friction_law.friction(I, *theta) for theta in (result.theta, law.fit.theta)
+        )
         ends = (I, mu, friction_sd(I, result, result.covariance), joint)
         pairs = ((float(low), float(high)) for low, high in ends)
         laws.append(LawApart(result.input.name, *pairs))
-    outside = law.estimate.bars.outside
-    return SharedLaw(tuple(laws), law.chi_square, law.freedom, law.p_value, law.I0, outside)
+    scatter = law.fit.chi_square, law.fit.freedom, law.fit.p_value
+    return SharedLaw(tuple(laws), *scatter, law.I0, law.estimate.bars.outside)
 
 
 def make(context: Context) -> None:

@@ -14,7 +14,7 @@ from granpinn.fit import prediction, scoring
 from granpinn.fit.case import Case, Model
 from granpinn.fit.prediction import inertial_range
 from granpinn.physics.laws import DEFAULT
-from granpinn.physics.terms import LAW, NAMES, TERMS
+from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.records import Assumed, Loss, Members
@@ -68,10 +68,16 @@ def known_by(case: Case, residuals: Residuals, steps: int, x: Pair, mu: Pair) ->
         x: I/(I + I0) at both ends of the range of I.
         mu: mu_s and mu_2.
     """
-    noise = residuals.noise or measured_noise(case) or 0.0
-    outline, real = case.config.level == "V0", not case.flow.of_solver
-    fit = residuals.velocity, residuals[TERMS[LAW].name]
-    return Known(x, mu, *fit, noise, case.facts.independent(), steps, outline, real)
+    return error_bars.known_by(
+        residuals,
+        measured_noise(case),
+        x=x,
+        mu=mu,
+        vectors=case.facts.independent(),
+        steps=steps,
+        outline=case.config.level == "V0",
+        real=not case.flow.of_solver,
+    )
 
 
 def measured_noise(case: Case) -> float | None:

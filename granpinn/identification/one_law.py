@@ -90,7 +90,7 @@ def one_law(results: Sequence[Result]) -> Identification:
         BadInput: there are fewer than two results, or they have different I0.
         CannotGoOn: a flow does not determine mu(I).
     """
-    given = sorted({result.parameters["I0"].value for result in results if _has_I0(result)})
+    given = sorted({r.parameters["I0"].value for r in results if "I0" in r.parameters})
     if len(results) < 2 or len(given) > 1:
         raise BadInput(
             f"expected two results or more with one given I0, got {len(results)} with I0 = "
@@ -104,7 +104,7 @@ def one_law(results: Sequence[Result]) -> Identification:
         free = {n: Parameter(p.value, fixed=False) for n, p in free.items()}
     values = {
         n: free.get(n) or Parameter(value, fixed=True)
-        for n, value in zip(first.friction_law.names, law.theta, strict=True)
+        for n, value in zip(first.friction_law.names, law.fit.theta, strict=True)
     }
     errors = {n: scalar_error(p, getattr(truth, n, None)) for n, p in values.items() if not p.fixed}
     result = dataclasses.replace(
@@ -144,10 +144,6 @@ def one_law(results: Sequence[Result]) -> Identification:
         found = determined_over(result, Range(low, high, I0 * x / (1 - x)), ranges)
         result = result if found is None else applied(result, found)
     return Identification.of(over(result, (low, high)), None)
-
-
-def _has_I0(result: Result) -> bool:
-    return "I0" in result.parameters
 
 
 def _of_all(assumed: Assumed, result: Result, law: OneLaw, flow: int) -> Assumed:

@@ -20,13 +20,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.config import Config, flatten
 from granpinn.physics.laws import DEFAULT, LAWS, FrictionLaw
+from granpinn.physics.terms import LAW, TERMS
 from granpinn.results import Covariance, Parameter, Residuals
 from granpinn.results.records import Assumed, ErrorBars, Members
 from granpinn.uncertainty.error_model import (
@@ -71,6 +72,17 @@ def nearest(members: Members, law: FrictionLaw) -> int:
 def values_of(members: Members, names: Sequence[str]) -> Float64:
     """The values of L parameters of the members [K, L]."""
     return np.stack([members.values[name] for name in names], axis=1)
+
+
+def known_by(residuals: Residuals, measured_noise: float | None, **others: Any) -> Known:
+    """What a run knows of its accuracy; its noise is the stated one, or else the measured one.
+
+    Args:
+        others: the other attributes of `Known`.
+    """
+    noise = residuals.noise or measured_noise or 0.0
+    law = residuals[TERMS[LAW].name]
+    return Known(misfit=residuals.velocity, law=law, noise=noise, **others)
 
 
 class Estimate(NamedTuple):

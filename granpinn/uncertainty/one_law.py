@@ -30,10 +30,9 @@ from granpinn.arrays import Float64
 from granpinn.errors import CannotGoOn
 from granpinn.physics.laws import DEFAULT, FrictionLaw
 from granpinn.physics.rheology import by_parameters
-from granpinn.physics.terms import LAW, TERMS
 from granpinn.results import Result
 from granpinn.uncertainty.determined import LARGEST
-from granpinn.uncertainty.error_bars import Estimate, bars_of, scatter, sd_of
+from granpinn.uncertainty.error_bars import Estimate, bars_of, known_by, scatter, sd_of
 from granpinn.uncertainty.error_model import Known, ends_of, load
 from granpinn.uncertainty.expected import too_noisy
 from granpinn.uncertainty.sensitivity import covariance
@@ -44,24 +43,20 @@ STEPS, LONGEST = 20, 0.5  # of the fit, in the logarithms of mu_s, mu_2 - mu_s a
 
 
 class OneLaw(NamedTuple):
-    """The law that fits the laws of F flows best, and their scatter around it.
+    """The law of F flows.
 
     Attributes:
-        theta: mu_s, mu_2 and I0.
+        fit: to the laws of the single flows.
         estimate: the parameters with their error bars.
         I0: whether it was identified or held, and why, in words.
         reason: why there are no error bars; None: there are.
-        p_value: the share of draws from the errors with a larger chi-square.
         slopes: of its L free parameters by mu_s and mu_2 of every flow [F, L, 2].
     """
 
-    theta: tuple[float, ...]
+    fit: LeastSquares
     estimate: Estimate
     I0: str
     reason: str | None
-    chi_square: float
-    freedom: int
-    p_value: float
     slopes: Float64
 
     def moved(self, flow: int, changes: Mapping[str, float]) -> dict[str, float]:
@@ -84,14 +79,13 @@ def known_of(result: Result) -> Known:
             "out"
         )
     mu_s, mu_2, I0 = result.theta
-    return Known(
-        ends_of(I_range, I0),
-        (mu_s, mu_2),
-        residuals.velocity,
-        residuals[TERMS[LAW].name],
-        residuals.noise or result.data.measured_noise or 0.0,
-        result.data.independent or 1.0,
-        result.timing.steps,
+    return known_by(
+        residuals,
+        result.data.measured_noise,
+        x=ends_of(I_range, I0),
+        mu=(mu_s, mu_2),
+        vectors=result.data.independent or 1.0,
+        steps=result.timing.steps,
         outline=result.level == "V0",
         real=bars is None or bars.grains is not None,
     )
@@ -112,8 +106,8 @@ def one_law(results: Sequence[Result]) -> OneLaw:
         words = f"I0 is held at {I0:g}, as given"
     else:
         share = sd_of([flow._replace(I0=I0) for flow in flows], model)["I0"] / I0
-        percent = f"{100 * share:.2g} %"
-        expected = f"the expected error of I0 from the ranges of I of all flows is {percent}"
+        expected = "the expected error of I0 from the ranges of I of all flows is "
+        expected += f"{100 * share:.2g} %"
         if share > LARGEST["I0"]:
             words = f"I0 is held at {I0:g}: {expected}"
         elif (reason := too_noisy(flows)) is not None:
@@ -135,13 +129,18 @@ def one_law(results: Sequence[Result]) -> OneLaw:
     estimate = bars_of(values, of_theta, model, outside)
     of_ends = np.split(found.J, len(flows), axis=1)
     slopes = np.stack([J @ flow.slopes for J, flow in zip(of_ends, flows, strict=True)])
-    scatter_of_laws = found.chi_square, found.freedom, found.p_value
     lacking = (f"{r.input.name}: {r.law.reason}" for r in results if r.error_bars is None)
-    return OneLaw(found.theta, estimate, words, next(lacking, None), *scatter_of_laws, slopes)
+    return OneLaw(found, estimate, words, next(lacking, None), slopes)
 
 
-class Fit(NamedTuple):
-    """A law `theta` and its scatter; J [L, 2 F] gives the errors of its L free parameters."""
+class LeastSquares(NamedTuple):
+    """The law that fits the laws of F flows best, and their scatter around it.
+
+    Attributes:
+        theta: mu_s, mu_2 and I0.
+        J: errors of its L free parameters by those of log mu at the ends [L, 2 F].
+        p_value: the share of draws from the errors with a larger chi-square.
+    """
 
     theta: tuple[float, ...]
     J: Float64
@@ -150,7 +149,9 @@ class Fit(NamedTuple):
     p_value: float
 
 
-def fit(y: Float64, C: Float64, I: Float64, law: FrictionLaw, theta: Sequence[float]) -> Fit:
+def fit(
+    y: Float64, C: Float64, I: Float64, law: FrictionLaw, theta: Sequence[float]
+) -> LeastSquares:
     """The law that fits log mu best.
 
     Args:
@@ -180,7 +181,7 @@ def fit(y: Float64, C: Float64, I: Float64, law: FrictionLaw, theta: Sequence[fl
     drawn -= (drawn @ basis) @ basis.T
     above = int(np.count_nonzero(np.sum(drawn**2, axis=1) >= value))
     J = np.asarray(np.linalg.solve(triangle, basis.T @ white))
-    return Fit(tuple(at.tolist()), J, value, n - len(free), (1 + above) / (1 + DRAWS))
+    return LeastSquares(tuple(at.tolist()), J, value, n - len(free), (1 + above) / (1 + DRAWS))
 
 
 def _scatter(result: Result) -> Float64:

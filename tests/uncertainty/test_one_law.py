@@ -19,7 +19,7 @@ from granpinn.results.record import CARE, GOOD
 from granpinn.results.records import Assumed, ErrorBars, Members
 from granpinn.uncertainty import one_law as fitted
 from granpinn.uncertainty.error_model import Known, ends_of, load
-from granpinn.uncertainty.one_law import Fit, fit
+from granpinn.uncertainty.one_law import LeastSquares, fit
 from tests.examples import make_result
 
 LAW = np.array([0.4, 0.64])
@@ -33,7 +33,7 @@ def covariance() -> np.ndarray:
     return np.asarray(sum(load().of_flows(FLOWS)))
 
 
-def fitted_to(errors: np.ndarray, free: bool, theta: tuple[float, ...] = THETA) -> Fit:
+def fitted_to(errors: np.ndarray, free: bool, theta: tuple[float, ...] = THETA) -> LeastSquares:
     """The fit to laws whose log mu is wrong by `errors` [6] at the ends."""
     y = np.log(DEFAULT.friction(I, *theta)) + errors
     return fit(y, covariance(), I, DEFAULT.with_free({"I0": 0.3}) if free else DEFAULT, THETA)
