@@ -1,21 +1,24 @@
-r"""mu_s and the slope (mu_2 - mu_s)/I0 of mu(I) where I0 is not known.
+r"""mu_s and the slope (mu_2 - mu_s)/I0 of mu(I) where I0 is not known, and I0 from the flow.
 
 Where I << I0 the law is mu_s + (mu_2 - mu_s) I/I0. The data then determine the slope
-(mu_2 - mu_s)/I0 alone: mu_2 and I0 can grow together, and neither has a value of its own.
+(mu_2 - mu_s)/I0 alone: mu_2 and I0 can grow together, and neither has a value of its own. Data over
+a wide range of I determine I0, too, by the curvature of mu(I).
 
-Whatever the I0 of the training, the data determine mu at both ends of their range of I. The law of
-another I0 is the line in x = I/(I + I0) through the same two ends. J maps (mu_s, mu_2) to mu at
-both ends with the I0 of the run, $J_v$ with another one. With the covariance C of the run,
+What the data say is log mu at n inertial numbers, y of covariance C. For simulated flows it is the
+law with I0 free at three of them (fit/free_I0.py). How real grains depart from the curvature of
+mu(I) is not known; for them it is the law of the run at both ends of the range of I. For every I0
 
-$$ \theta_v = J_v^{-1} J \theta, \qquad C_v = J_v^{-1} (J C J^T) J_v^{-T}. $$
+$$ \chi^2(I_0) = \min_{\mu_s, \mu_2}\, (y - \log\mu)^T C^{-1} (y - \log\mu), $$
 
-All I0 from a quarter to four times that of the run are equally likely, evenly in log I0. The
-intervals are the central 90 % of the mixture of these laws. That of mu_s is lognormal, that of the
-slope normal (bench/studies/inertial_number/note.md).
+where log mu is linear in its values at both ends around the best ones. All I0 from a quarter to
+four times that of the run are as likely as $\exp(-\chi^2/2)$ says, evenly in log I0. With two
+points chi-square is 0, and all count alike. The intervals are the central 90 % of the mixture of these
+laws. That of mu_s is lognormal, that of the slope normal (bench/studies/inertial_number/note.md).
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -26,13 +29,19 @@ from scipy.special import ndtr
 from granpinn.arrays import Float64
 from granpinn.errors import CannotGoOn
 from granpinn.fit.context import Context
+from granpinn.fit.free_I0 import law_points
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import Parameter, Parameters, Result
+from granpinn.results.parameters import NOT_DETERMINED
 from granpinn.results.record import Check, Record
+from granpinn.results.records import LawPoints
 from granpinn.results.result import NORMAL_90
-from granpinn.uncertainty.error_model import Pair, ends_of, line
+from granpinn.uncertainty.curve_error import between
+from granpinn.uncertainty.determined import LARGEST
+from granpinn.uncertainty.error_model import ends_of, line
 
-REACH, VALUES = 4.0, 25  # of I0 over that of the run, upwards and downwards; number of values
+REACH, VALUES = 4.0, 241  # of I0 over that of the run, upwards and downwards; number of values
+STEPS = 4  # of Gauss and Newton with a given I0
 TAIL = 0.05  # of a mixture, at either side of its 90 % interval
 FARTHEST = 40.0  # standard deviations beyond all parts of a mixture
 
@@ -42,82 +51,131 @@ class UnknownI0(Record):
     """
     Attributes:
         I0: the least and the largest one that counts as possible.
-        parameters: mu_s and the slope, with 90 % intervals.
+        parameters: mu_s, the slope and, if the flow determines it, I0, with 90 % intervals.
+        points: the law with I0 free; None: of real grains.
     """
 
     title = "I0 unknown"
     notes = (
-        "The data fix mu at both ends of their range of I, whatever I0 is. The law of every I0 "
-        "from a quarter to four times that of the run goes through both ends, and all count alike. "
-        "One flow rarely tells I0; several with one law may."
+        "The law of every I0 from a quarter to four times that of the run, fitted to the friction "
+        "at the ends of the range of I and, in simulated flows, between. Each counts by how well "
+        "it fits. One collapse rarely determines I0; a steep chute that is filmed from rest, or "
+        "several flows with one law, may."
     )
 
     I0: tuple[float, float]
     parameters: Parameters
+    points: LawPoints | None = None
 
     @property
     def words(self) -> str:
         found = ", ".join(f"{name} {p.words}" for name, p in self.parameters.items())
-        return f"with any I0 from {self.I0[0]:.3g} to {self.I0[1]:.3g} (90 % intervals): {found}"
+        lost = "" if "I0" in self.parameters else f"; I0 is {NOT_DETERMINED}"
+        low, high = self.I0
+        return f"with any I0 from {low:.3g} to {high:.3g} (90 % intervals): {found}{lost}"
 
 
 def make(context: Context) -> UnknownI0 | None:
-    return unknown_I0(context.result) if context.result.law.name == DEFAULT.name else None
+    result = context.result
+    if result.law.name != DEFAULT.name:
+        return None
+    require_error_bars(result)
+    points, I_range = None, result.law.I_range
+    if context.case.flow.of_solver and I_range is not None:
+        points = law_points(context.run, context.place, I_range)
+    return unknown_I0(result, points)
 
 
-def unknown_I0(result: Result) -> UnknownI0:
+def require_error_bars(result: Result) -> None:
+    """Raise CannotGoOn if a run has no error bars of mu_s and mu_2 alone."""
+    if result.covariance is None or result.determined is None or result.error_bars is None:
+        raise CannotGoOn(f"the run has no error bars: {result.law.reason or 'none were estimated'}")
+    if result.covariance.names != ("mu_s", "mu_2"):
+        raise CannotGoOn("I0 was identified with the law: take its own interval")
+
+
+def unknown_I0(result: Result, points: LawPoints | None = None) -> UnknownI0:
     """mu_s and the slope of a run if its I0 is not known.
 
     Raises:
         CannotGoOn: the run has no error bars, or its I0 was identified.
     """
+    require_error_bars(result)
     law, shear, bars = result.covariance, result.determined, result.error_bars
-    if law is None or shear is None or bars is None:
-        raise CannotGoOn(f"the run has no error bars: {result.law.reason or 'none were estimated'}")
-    if law.names != ("mu_s", "mu_2"):
-        raise CannotGoOn("I0 was identified with the law: take its own interval")
+    assert law is not None
+    assert shear is not None
+    assert bars is not None
     mu_s, mu_2, I0 = result.theta
     I_range = shear.I_low, shear.I_high
     J = line(ends_of(I_range, I0))
-    mu, C = J @ np.array([mu_s, mu_2]), J @ np.array(law.matrix) @ J.T
-    return of_ends(I_range, mu, C * (bars.half_width / NORMAL_90) ** 2, I0)
+    mu = J @ np.array([mu_s, mu_2])
+    J /= mu[:, None]
+    I, y = np.array(I_range), np.log(mu)
+    C = J @ np.array(law.matrix) @ J.T
+    if points is not None:
+        I, y = np.array(points.I), np.array(points.log_mu)
+        part = between(I, I_range)
+        C = part @ C @ part.T + np.array(points.covariance)
+    return dataclasses.replace(
+        of_points(I, y, C * (bars.half_width / NORMAL_90) ** 2, I0), points=points
+    )
 
 
-def of_ends(I_range: Pair, mu: Float64, C: Float64, I0: float) -> UnknownI0:
-    """mu_s and the slope of laws through mu at both ends of a range of I.
+def of_points(I: Float64, y: Float64, C: Float64, I0: float) -> UnknownI0:
+    """mu_s and the slope, and I0 if it is determined, of the laws through n points.
 
     Args:
-        mu, C: there [2] and its covariance [2, 2], of normal errors.
+        I, y, C: inertial numbers, log mu there [n] and its covariance [n, n], of normal errors.
         I0: in the middle of those that count.
     """
-    laws, sd, every = [], [], []
+    white = np.linalg.inv(np.linalg.cholesky(C))
+    laws, sd, chi_square, every = [], [], [], []
     for value in (I0 * np.geomspace(1 / REACH, REACH, VALUES)).tolist():
-        of_law = np.linalg.inv(line(ends_of(I_range, value)))
-        slope_of = np.array([[1.0, 0.0], [-1 / value, 1 / value]]) @ of_law
-        law = slope_of @ mu
+        x = I / (I + value)
+        part = (x - x[0]) / (x[-1] - x[0])
+        by_ends = np.stack([1 - part, part], axis=1)
+        ends = y[[0, -1]]  # log mu there
+        for _ in range(STEPS):
+            mu = by_ends @ np.exp(ends)
+            slopes = white @ (by_ends * np.exp(ends) / mu[:, None])
+            ends = ends + np.linalg.lstsq(slopes, white @ (y - np.log(mu)), rcond=None)[0]
+        of_law = np.linalg.inv(np.stack([1 - x[[0, -1]], x[[0, -1]]], axis=1))
+        slope_of = np.array([[1.0, 0.0], [-1 / value, 1 / value]]) @ of_law * np.exp(ends)
+        law = slope_of.sum(axis=1)
         if law[0] > 0:  # grains have friction
             laws.append(law)
-            sd.append(np.sqrt(np.diag(slope_of @ C @ slope_of.T)))
+            sd.append(np.linalg.norm(slope_of @ np.linalg.pinv(slopes), axis=1))
+            rest = white @ (y - np.log(by_ends @ np.exp(ends)))
+            chi_square.append(float(rest @ rest))
             every.append(value)
+    weights = np.exp((np.min(chi_square) - np.array(chi_square)) / 2)
+    weights /= weights.sum()
     (mu_s, slope), (of_mu_s, of_slope) = np.array(laws).T, np.array(sd).T
-    found = Parameters(
-        mu_s=mixture(np.log(mu_s), of_mu_s / mu_s, logarithmic=True), slope=mixture(slope, of_slope)
-    )
-    return UnknownI0((every[0], every[-1]), found)
+    found = {
+        "mu_s": mixture(np.log(mu_s), of_mu_s / mu_s, weights, logarithmic=True),
+        "slope": mixture(slope, of_slope, weights),
+    }
+    step = math.log(every[1] / every[0])
+    own = mixture(np.log(every), np.full(len(every), step / 2), weights, logarithmic=True)
+    assert own.std is not None
+    at_ends = max(weights[0], weights[-1]) / weights.max()
+    if own.std < LARGEST["I0"] * own.value and at_ends < TAIL:
+        found["I0"] = own
+    return UnknownI0((every[0], every[-1]), Parameters(found))
 
 
-def mixture(mean: Float64, sd: Float64, logarithmic: bool = False) -> Parameter:
-    """Median, standard deviation and central 90 % of equal parts of normal distributions [n]."""
+def mixture(mean: Float64, sd: Float64, weights: Float64, logarithmic: bool = False) -> Parameter:
+    """Median, standard deviation and central 90 % of a mixture of n normal distributions."""
 
     def quantile(q: float) -> float:
         reach = FARTHEST * float(sd.max())
         ends = float(mean.min()) - reach, float(mean.max()) + reach
         return float(
-            scipy.optimize.brentq(lambda x: float(ndtr((x - mean) / sd).mean()) - q, *ends)
+            scipy.optimize.brentq(lambda x: float(weights @ ndtr((x - mean) / sd)) - q, *ends)
         )
 
     middle, low, high = (quantile(q) for q in (0.5, TAIL, 1 - TAIL))
-    std = math.sqrt(float((sd**2).mean() + mean.var()))
+    std = math.sqrt(float(weights @ (sd**2 + mean**2) - (weights @ mean) ** 2))
     if logarithmic:
         middle, low, high = (math.exp(x) for x in (middle, low, high))
         std *= middle

@@ -32,6 +32,7 @@ from granpinn.results import (
     write_results,
 )
 from granpinn.results.identified_law import IdentifiedLaw
+from granpinn.results.record import NONE
 from granpinn.results.records import Assumed
 from granpinn.results.result import FlowOfLaw
 from granpinn.training.history import Row
@@ -65,6 +66,8 @@ def identify_one_law(
         )
     rank = processes(config.device).rank
     with owned(None if rank else folder):
+        if config.checks != NONE:  # what each flow says of I0
+            config = dataclasses.replace(config, free_I0=True)
         configs = [config] * len(flows)
         each = side_by_side(flows, configs, config, folder, progress, begin, on_step=on_step)
         found = one_law(each)

@@ -108,6 +108,20 @@ class ErrorBars:
 
 
 @dataclass(frozen=True)
+class LawPoints:
+    """The law of a flow with I0 free, at three inertial numbers (fit/free_I0.py).
+
+    Attributes:
+        I, log_mu: inertial numbers and log of the friction there [3].
+        covariance: of log_mu, as the residuals show it [3, 3].
+    """
+
+    I: tuple[float, ...]
+    log_mu: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
 class Zones:
     """How the test points were split into flowing and stagnant (fields.py)."""
 

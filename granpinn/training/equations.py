@@ -42,15 +42,24 @@ DEPENDS = [[0, 1, 2, 3, 4], [0, 1, 2, 3, 4], [0, 1], [0, 1, 2, 3], [0, 1, 2, 4]]
 
 
 def residuals(
-    z: Tensor, theta: Tensor, physics: Physics, law: FrictionLaw, source: Tensor | None = None
+    z: Tensor,
+    theta: Tensor,
+    physics: Physics,
+    law: FrictionLaw,
+    source: Tensor | None = None,
+    kept: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
-    """Residuals of the equations (e_u, e_v, e_c, r_1, r_2) [N, 5] and the weights w [N] of the law.
+    """Residuals of the equations (e_u, e_v, e_c, r_1, r_2) [N, 5], and what a step keeps.
+
+    It keeps the weights w of the law and the shares min(1, 4 C)_+ [N, 2]: they have no gradient, so
+    that a step which changed them would not lower the loss that it expects to lower.
 
     Args:
         z: outputs of the network, their derivatives by x, y, t, and the means of the x and y
             derivatives over the length of the law [6, N, 5].
         theta: parameters of the law at each point [N, len(law.parameters)].
         source: force per mass beside gravity [N, 2]; None: none.
+        kept: of an earlier evaluation; None: that of z and theta.
     """
     (u, v), (s_1, s_2) = (physics.velocity_scale * z[:, :, :2]).unbind(2), z[:, :, 3:].unbind(2)
     q, P = z[:, :, 2], physics.pressure_scale
@@ -69,15 +78,19 @@ def residuals(
     two_D1, two_D2 = u[1] - v[2], u[2] + v[1]
     local = two_D1**2 + two_D2**2 + SMOOTHING
     mean = (u[4] - v[5]) ** 2 + (u[5] + v[4]) ** 2 + SMOOTHING
-    part = ill_posed(_inertial_number(local.sqrt(), p, physics), theta, law)
-    gamma_dot = torch.sqrt(local + part * (mean - local))
+    if kept is None:
+        part = ill_posed(_inertial_number(local.sqrt(), p, physics), theta, law)
+        gamma_dot = torch.sqrt(local + part * (mean - local))
+        kept = torch.stack([law_weights(p.detach(), gamma_dot.detach()), part], 1)
+    else:
+        gamma_dot = torch.sqrt(local + kept[:, 1] * (mean - local))
     mu = law.friction(_inertial_number(gamma_dot, p, physics), *theta.unbind(1))
     # gamma_dot p / Y with the yield stress Y = c + mu p (csrc/math/cohesion.h)
     rate = gamma_dot * p / (law.cohesion_of(theta.T) + mu * p) if law.cohesion else gamma_dot / mu
     limit = (1 + (gamma_dot / physics.law_rate) ** 2).rsqrt()
     law_errors = (limit * (rate * s[0] - two_D) for s, two_D in ((s_1, two_D1), (s_2, two_D2)))
     e = [e_u, e_v, u[1] + v[2], *law_errors]
-    return torch.stack(e, 1), law_weights(p.detach(), gamma_dot.detach())
+    return torch.stack(e, 1), kept
 
 
 def _inertial_number(gamma_dot: Tensor, p: Tensor, physics: Physics) -> Tensor:

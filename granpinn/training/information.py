@@ -70,8 +70,7 @@ def information(member: Member, params: Tensor, theta: Tensor, step: int) -> Inf
         found = factor(A[:-L, :-L], 0, RIDGE)
         if found is None:
             return None
-        sides = -torch.cat([b[:-L, None], A[:-L, -L:]], 1)
-        X = torch.cholesky_solve(sides / found.scale[:, None], found.factor) / found.scale[:, None]
+        X = found.solve(-torch.cat([b[:-L, None], A[:-L, -L:]], 1))
         boxes = Boxes(member.data.lower, member.data.upper, BOXES)
         scores, squares = X.new_zeros(boxes.total, L), X.new_zeros(boxes.total, L, L)
 

@@ -37,17 +37,17 @@ from granpinn.training.last_layer_sums import RIDGE, Sums, Unknowns, choose
 from granpinn.training.law_variables import relative_change
 from granpinn.training.objective import Member
 
-HALVINGS = 4  # of a step that does not lower the loss, or is too long
+HALVINGS = 4  # of a step that does not lower the loss
 LONGEST = 0.1  # step of a free parameter or curve, relative: a longer one is not a correction
-ITERATIONS = 8  # at most
+ITERATIONS = 16  # at most
 SETTLED = 0.01  # relative change of a free parameter below which the law has settled
 
 
 def iterate(sums: Sums, at: Unknowns, until: float = math.inf) -> Unknowns:
     """The unknowns after Gauss-Newton steps from `at`, until the law has settled.
 
-    Every step has the weights of the law at its start. A curve takes one step. A further step is
-    made only if it ends before time.monotonic() is `until`.
+    Every step has the weights of the law and its shares of the mean strain rate at its start. A
+    curve takes one step. A further step is made only if it ends before time.monotonic() is `until`.
     """
     begin = time.monotonic()
     for k in range(1 if sums.law.curve else ITERATIONS):
@@ -64,25 +64,31 @@ def iterate(sums: Sums, at: Unknowns, until: float = math.inf) -> Unknowns:
 def improve(sums: Sums, at: Unknowns) -> Unknowns:
     """The unknowns after a Gauss-Newton step from `at`.
 
-    While a step does not lower the loss or is too long, it is halved, at most `HALVINGS` times. If
-    all fail, the result is `at`.
+    A step that would change the law by more than `LONGEST` changes it by that; the coefficients of
+    the network then go to the best values for that law. While a step does not lower the loss, it is
+    halved, at most `HALVINGS` times. If all fail, the result is `at`.
     """
-    free, law, theta = sums.free, sums.law, at.theta
+    free, law, theta, n = sums.free, sums.law, at.theta, at.C.numel()
     before = sums.loss(at)
     with torch.enable_grad():
         A, b = sums.normal_equations(at)
         if len(sums.differences):
             before += sums.expect_smooth(A, b, at)
-        step = solve(A, b, len(free))
-    if step is None:
+        found = factor(A, len(free))
+    if found is None:
         return at
+    step, whole = found.solve(-b), theta.clone()
+    whole[free] += step[n:]
+    change = relative_change(law, theta, whole)
+    if change > LONGEST:
+        left = (1 - LONGEST / change) * step[n:]
+        step = step - torch.cat([found.leading(n).solve(-A[:n, n:]) @ left, left])
     for part in (0.5**halving for halving in range(HALVINGS + 1)):
         moved = theta.clone()
-        moved[free] += part * step[-len(free) :]
-        found = Unknowns(at.C + (part * step[: at.C.numel()]).view_as(at.C), moved)
-        allowed = relative_change(law, theta, moved) <= LONGEST and law.admits(moved.tolist())
-        if allowed and sums.loss(found) < before:  # not for a NaN
-            return found
+        moved[free] += part * step[n:]
+        after = Unknowns(at.C + (part * step[:n]).view_as(at.C), moved)
+        if law.admits(moved.tolist()) and sums.loss(after) < before:  # not for a NaN
+            return after
     return at
 
 
@@ -123,29 +129,31 @@ def mean_length(member: Member, params: Tensor, theta: Tensor, step: int) -> flo
     return 0.0 if mean > CONTRADICTED * local else problem.mean_length
 
 
-def solve(A: Tensor, b: Tensor, L: int, ridge: float = RIDGE) -> Tensor | None:
-    """The step [K] of the normal equations; None where they are not positive definite.
-
-    Args:
-        L: number of parameters of the law, the last ones of the K unknowns.
-        ridge: added to the unit diagonal of the scaled equations for C. The hidden units are nearly
-            dependent; the ridge keeps the step small in directions that no data determine.
-    """
-    found = factor(A, L, ridge)
-    if found is None:
-        return None
-    return -torch.cholesky_solve((b / found.scale)[:, None], found.factor)[:, 0] / found.scale
-
-
 class Factor(NamedTuple):
     """A = scale factor factor^T scale, with the ridge: the scale [K] and a triangle [K, K]."""
 
     scale: Tensor
     factor: Tensor
 
+    def solve(self, sides: Tensor) -> Tensor:
+        """A^-1 of sides [K] or [K, m]."""
+        columns = sides.reshape(len(sides), -1) / self.scale[:, None]
+        found = torch.cholesky_solve(columns, self.factor) / self.scale[:, None]
+        return found.view_as(sides)
+
+    def leading(self, n: int) -> Factor:
+        """That of the first n rows and columns of A."""
+        return Factor(self.scale[:n], self.factor[:n, :n])
+
 
 def factor(A: Tensor, L: int, ridge: float = RIDGE) -> Factor | None:
-    """The factors of normal equations; None where they are not positive definite. As `solve`."""
+    """The factors of normal equations; None where they are not positive definite.
+
+    Args:
+        L: number of parameters of the law, the last ones of the K unknowns.
+        ridge: added to the unit diagonal of the scaled equations for C. The hidden units are nearly
+            dependent; the ridge keeps a step small in directions that no data determine.
+    """
     scale = A.diagonal().sqrt().clamp_min(1e-30)
     scaled = A / scale / scale[:, None]
     scaled.diagonal()[: len(A) - L] += ridge

@@ -163,12 +163,12 @@ class Sums:
         self._weights[:, 3:] *= (data.points[:, 1:2] >= data.floor + length).double()
         self.velocity_weight = weights["velocity"] * self.physics.velocity_scale**2
         self._surface = (weights["surface"] / M) ** 0.5
-        self._law_weights: Tensor | None = None  # kept from the first evaluation
+        self._kept: Tensor | None = None  # of the law, from the first evaluation
         self.differences = curve_prior.differences(law, like)
         self.roughness = 0.0  # weight of |differences theta|^2 / 2, see curve_prior.py
 
     def loss(self, at: Unknowns) -> float:
-        """The loss, with the weights of the law from the first evaluation since `weigh_anew`."""
+        """The loss, with what the first evaluation since `weigh_anew` keeps of the law."""
         with torch.no_grad():
             rows = [r.square().sum() for r, *_ in self._rows(at)]
         return (float(torch.stack(rows).sum()) + self.misfit(at)[0]) / 2 + self._rough(at)
@@ -228,8 +228,8 @@ class Sums:
                 yield PointRow(points, column.detach(), h, by_z, by_theta[:, self.free], used)
 
     def weigh_anew(self) -> None:
-        """Take the weights of the law from the next evaluation."""
-        self._law_weights = None
+        """Take the weights of the law and its shares of the mean from the next evaluation."""
+        self._kept = None
 
     def expect_smooth(self, A: Tensor, b: Tensor, at: Unknowns) -> float:
         """Add the prior of a curve to the normal equations and to the loss; its loss at `at`."""
@@ -252,20 +252,20 @@ class Sums:
         return self.velocity_weight * float(square), self.velocity_weight * (C @ h_h - v_h / U), h_h
 
     def _rows(self, at: Unknowns) -> Iterator[Rows]:
-        first, weights = 0, []
+        first, every = 0, []
         for h in self.h:
             rows = slice(first, first + h.shape[1])
             first = rows.stop
             z, theta = self._leaves(at, h)
             source = None if self.data.source is None else self.data.source[rows]
-            e, weight = residuals(z, theta, self.physics, self.law, source)
-            weights.append(weight)
-            kept = weight if self._law_weights is None else self._law_weights[rows]
-            one = torch.ones_like(kept)
-            w = torch.stack([one, one, one, kept, kept], 1) * self._weights[rows]
+            kept = None if self._kept is None else self._kept[rows]
+            e, kept = residuals(z, theta, self.physics, self.law, source, kept)
+            every.append(kept)
+            one, w = torch.ones_like(kept[:, 0]), kept[:, 0]
+            w = torch.stack([one, one, one, w, w], 1) * self._weights[rows]
             yield e * w, h, z, theta, DEPENDS, rows
-        if self._law_weights is None:
-            self._law_weights = torch.cat(weights)
+        if self._kept is None:
+            self._kept = torch.cat(every)
         if len(self.h_surface):
             z, theta = self._leaves(at, self.h_surface[None])
             p = self.physics.pressure_scale * torch.nn.functional.softplus(z[0, :, 2])

@@ -82,10 +82,15 @@ def model_covariance(
         I_range: of the flow, 5th and 95th percentile.
         of_ends: covariance of log mu at both ends of that range [2, 2].
     """
+    J = mu[:, None] * between(I, I_range)
+    return np.asarray(J @ of_ends @ J.T)
+
+
+def between(I: Float64, I_range: tuple[float, float]) -> Float64:
+    """Errors of log mu at I by those at both ends of a range, linear in log I [n, 2]."""
     low, high = np.log(I_range)
     part = np.clip((np.log(I) - low) / (high - low), 0, 1)
-    J = mu[:, None] * np.stack([1 - part, part], axis=1)
-    return np.asarray(J @ of_ends @ J.T)
+    return np.stack([1 - part, part], axis=1)
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ def _of_range(I_range: tuple[float, float], real: bool) -> Known:
 
 def too_noisy(flows: Sequence[Known]) -> str | None:
     """Why error bars of an identified I0 would not hold, in words; None if they hold."""
-    noise = max(flow.noise for flow in flows)
+    noise = max((flow.noise for flow in flows), default=0.0)
     if noise <= NOISE_OF_I0:
         return None
     return (

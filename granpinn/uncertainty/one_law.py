@@ -1,7 +1,8 @@
 r"""One friction law of several flows of one material: the fit to the laws of the single flows.
 
-The law of flow f by itself gives log mu at both ends of its range of I. With all of them y [2 F],
-their errors of covariance C, and one law $\theta$ of L parameters that fits them best,
+Flow f by itself gives log mu at both ends of its range of I. Where I0 is free, flows of which it is
+known give log mu at three inertial numbers (fit/free_I0.py). With all of them y [n], their errors
+of covariance C, and one law $\theta$ of L parameters that fits them best,
 
 $$ \chi^2 = \min_\theta\, (y - \log\mu(\theta))^T C^{-1} (y - \log\mu(\theta)). $$
 
@@ -13,15 +14,12 @@ $$ J = (K^T C^{-1} K)^{-1} K^T C^{-1} . $$
 
 p is the share of draws from these errors with a larger chi-square. So a p below 0.01 is a false
 alarm in 1 % of all groups, as far as the error model is right.
-
-The ends are those of a law with a given I0. Where the ranges of the flows determine I0, it is a
-third parameter of the fit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -31,13 +29,14 @@ from granpinn.errors import CannotGoOn
 from granpinn.physics.laws import DEFAULT, FrictionLaw
 from granpinn.physics.rheology import by_parameters
 from granpinn.results import Result
+from granpinn.results.records import LawPoints
+from granpinn.uncertainty.curve_error import between
 from granpinn.uncertainty.determined import LARGEST
-from granpinn.uncertainty.error_bars import Estimate, bars_of, known_by, scatter, sd_of
+from granpinn.uncertainty.error_bars import Estimate, bars_of, known_by, scatter
 from granpinn.uncertainty.error_model import Known, ends_of, load
 from granpinn.uncertainty.expected import too_noisy
 from granpinn.uncertainty.sensitivity import covariance
 
-STEPS_OF_I0 = 100_000  # with them error bars of I0 hold (bench/studies/one_law)
 DRAWS, SEED = 20_000, 0
 STEPS, LONGEST = 20, 0.5  # of the fit, in the logarithms of mu_s, mu_2 - mu_s and I0
 
@@ -94,51 +93,111 @@ def known_of(result: Result) -> Known:
 def one_law(results: Sequence[Result]) -> OneLaw:
     """The law of all flows from their fits, which have one I0.
 
-    I0 is identified if the ranges of I determine it and the noise is small. An I0 in the settings
-    that is not the usual one is given, and stays as it is.
+    I0 is identified if the flows determine it. An I0 in the settings that is not the usual one is
+    given, and stays as it is.
 
     Raises:
         CannotGoOn: a fit does not know its accuracy.
     """
-    flows, model, usual = list(map(known_of, results)), load(), DEFAULT.parameter("I0").start
-    free, I0 = False, results[0].parameters["I0"].value
-    if usual != I0:
-        words = f"I0 is held at {I0:g}, as given"
-    else:
-        share = sd_of([flow._replace(I0=I0) for flow in flows], model)["I0"] / I0
-        expected = "the expected error of I0 from the ranges of I of all flows is "
-        expected += f"{100 * share:.2g} %"
-        if share > LARGEST["I0"]:
-            words = f"I0 is held at {I0:g}: {expected}"
-        elif (reason := too_noisy(flows)) is not None:
-            words = f"I0 is held at {I0:g}: {reason}"
+    flows, usual = list(map(known_of, results)), DEFAULT.parameter("I0").start
+    I0 = results[0].parameters["I0"].value
+    data, law = _gathered(results, flows, I0_free=False), DEFAULT
+    words = f"I0 is held at {I0:g}, as given"
+    if usual == I0:
+        wide, wider = _gathered(results, flows, I0_free=True), DEFAULT.with_free({"I0": I0})
+        words = f"I0 is held at {I0:g}: "
+        unknown = [f for f, r in zip(flows, results, strict=True) if points_of(r) is None]
+        if (reason := too_noisy(unknown)) is not None:
+            words += reason
+        elif np.linalg.matrix_rank(by_parameters(wider, wide.I, results[0].theta)) < 3:
+            words += "all flows have the same range of I"
         else:
-            free, words = True, f"I0 is identified: {expected}"
-    parts = dict(zip(("method", "grains"), model.of_flows(flows), strict=True))
-    for name, own in (("scatter", _scatter), ("assumptions", _assumptions)):
-        at_ends = [f.slopes @ own(r) @ f.slopes.T for f, r in zip(flows, results, strict=True)]
-        parts[name] = block_diag(*at_ends)
-    I = np.concatenate([r.law.I_range for r in results if r.law.I_range is not None])
-    law = DEFAULT.with_free({"I0": I0}) if free else DEFAULT
-    y = np.log(np.concatenate([flow.ends for flow in flows]))
-    found = fit(y, sum(parts.values(), np.zeros((len(y), len(y)))), I, law, results[0].theta)
+            found = fit(wide.y, wide.C, wide.I, wider, results[0].theta, wide.points)
+            C = found.J @ wide.C @ found.J.T
+            share = float(np.sqrt(C[-1, -1])) / found.theta[-1]
+            left = f"the flows leave a standard deviation of {100 * share:.2g} %"
+            if share > LARGEST["I0"]:
+                words += left
+            else:
+                data, law, words = wide, wider, f"I0 is identified: {left}"
+    if law is DEFAULT:
+        found = fit(data.y, data.C, data.I, law, results[0].theta, data.points)
     values = dict(zip(law.free, (found.theta[law.names.index(n)] for n in law.free), strict=True))
     outside = [words for r in results if r.error_bars for words in r.error_bars.outside]
-    outside = [*_untested(flows, free), *dict.fromkeys(outside)]
-    of_theta = {name: found.J @ part @ found.J.T for name, part in parts.items()}
-    estimate = bars_of(values, of_theta, model, outside)
-    of_ends = np.split(found.J, len(flows), axis=1)
-    slopes = np.stack([J @ flow.slopes for J, flow in zip(of_ends, flows, strict=True)])
+    if any(flow.real for flow in flows):
+        outside.insert(0, "several flows of grains with one law")
+    of_theta = {name: found.J @ part @ found.J.T for name, part in data.parts.items()}
+    estimate = bars_of(values, of_theta, load(), list(dict.fromkeys(outside)))
+    of_points = np.split(found.J, np.cumsum(data.points)[:-1], axis=1)
+    slopes = np.stack(
+        [
+            J @ part @ flow.slopes
+            for J, part, flow in zip(of_points, data.by_ends, flows, strict=True)
+        ]
+    )
     lacking = (f"{r.input.name}: {r.law.reason}" for r in results if r.error_bars is None)
     return OneLaw(found, estimate, words, next(lacking, None), slopes)
 
 
+class Gathered(NamedTuple):
+    """What all F flows say of one law.
+
+    Attributes:
+        I, y: inertial numbers and log mu there [n].
+        parts: covariances of the errors of y, by their cause [n, n].
+        points: how many of the n are of each flow [F].
+        by_ends: errors of y of each flow by those at both ends of its range of I.
+    """
+
+    I: Float64
+    y: Float64
+    parts: dict[str, Float64]
+    points: list[int]
+    by_ends: list[Float64]
+
+    @property
+    def C(self) -> Float64:
+        """Covariance of all errors [n, n]."""
+        return np.asarray(sum(self.parts.values()))
+
+
+def points_of(result: Result) -> LawPoints | None:
+    """The law of a flow with I0 free, where the fit knows it."""
+    check: Any = result.checks.get("unknown_I0")
+    return getattr(check, "points", None)
+
+
+def _gathered(results: Sequence[Result], flows: Sequence[Known], I0_free: bool) -> Gathered:
+    I, y, by_ends, own = [], [], [], []
+    for flow, result in zip(flows, results, strict=True):
+        assert result.law.I_range is not None
+        points = points_of(result) if I0_free else None
+        if points is None:
+            I.append(np.array(result.law.I_range))
+            y.append(np.log(flow.ends))
+            own.append(np.zeros((2, 2)))
+        else:
+            I.append(np.array(points.I))
+            y.append(np.array(points.log_mu))
+            own.append(np.array(points.covariance))
+        by_ends.append(between(I[-1], result.law.I_range))
+    J = block_diag(*by_ends)
+    parts = dict(zip(("method", "grains"), load().of_flows(flows), strict=True))
+    for name, of in (("scatter", _scatter), ("assumptions", _assumptions)):
+        at_ends = [f.slopes @ of(r) @ f.slopes.T for f, r in zip(flows, results, strict=True)]
+        parts[name] = block_diag(*at_ends)
+    parts = {name: J @ part @ J.T for name, part in parts.items()}
+    parts["method"] += block_diag(*own)
+    counts = [len(v) for v in I]
+    return Gathered(np.concatenate(I), np.concatenate(y), parts, counts, by_ends)
+
+
 class LeastSquares(NamedTuple):
-    """The law that fits the laws of F flows best, and their scatter around it.
+    """The law that fits log mu of all flows best, and their scatter around it.
 
     Attributes:
         theta: mu_s, mu_2 and I0.
-        J: errors of its L free parameters by those of log mu at the ends [L, 2 F].
+        J: errors of its L free parameters by those of log mu [L, n].
         p_value: the share of draws from the errors with a larger chi-square.
     """
 
@@ -150,15 +209,20 @@ class LeastSquares(NamedTuple):
 
 
 def fit(
-    y: Float64, C: Float64, I: Float64, law: FrictionLaw, theta: Sequence[float]
+    y: Float64,
+    C: Float64,
+    I: Float64,
+    law: FrictionLaw,
+    theta: Sequence[float],
+    points: Sequence[int],
 ) -> LeastSquares:
     """The law that fits log mu best.
 
     Args:
-        y: log mu at both ends of the ranges of F flows [2 F].
-        C: covariance of its errors [2 F, 2 F].
-        I: the ends [2 F].
+        y, C: log mu at n inertial numbers [n] and the covariance of its errors [n, n].
+        I: the inertial numbers [n].
         law, theta: mu(I), whose free parameters are fitted from these values on.
+        points: how many of the n are of each flow [F].
     """
     white = np.linalg.inv(np.linalg.cholesky(C))
     free = [law.names.index(name) for name in law.free]
@@ -176,8 +240,8 @@ def fit(
     basis, triangle = np.linalg.qr(white @ slopes[:, free])
     value = float(np.sum((rest - basis @ (basis.T @ rest)) ** 2))
     rng, n, freedom = np.random.default_rng(SEED), len(y), load().freedom
-    scale = np.sqrt(freedom / rng.chisquare(freedom, (DRAWS, n // 2)))
-    drawn = rng.standard_normal((DRAWS, n)) * np.repeat(scale, 2, axis=1)
+    scale = np.sqrt(freedom / rng.chisquare(freedom, (DRAWS, len(points))))
+    drawn = rng.standard_normal((DRAWS, n)) * np.repeat(scale, points, axis=1)
     drawn -= (drawn @ basis) @ basis.T
     above = int(np.count_nonzero(np.sum(drawn**2, axis=1) >= value))
     J = np.asarray(np.linalg.solve(triangle, basis.T @ white))
@@ -191,12 +255,3 @@ def _scatter(result: Result) -> Float64:
 
 def _assumptions(result: Result) -> Float64:
     return covariance(result.assumptions, DEFAULT.free)
-
-
-def _untested(flows: Sequence[Known], free_I0: bool) -> list[str]:
-    """In what no study has tested the error bars of one law, in words."""
-    found = ["several flows of grains with one law"] if any(flow.real for flow in flows) else []
-    steps = min(flow.steps for flow in flows)
-    if free_I0 and steps < STEPS_OF_I0:
-        found.append(f"I0 after {steps} steps (tested: {STEPS_OF_I0})")
-    return found

@@ -74,11 +74,11 @@ def test_the_law_of_another_I0_has_the_same_ends() -> None:
 
 
 def test_one_law_has_its_own_error() -> None:
-    found = mixture(np.array([2.0]), np.array([0.1]))
+    found = mixture(np.array([2.0]), np.array([0.1]), np.ones(1))
     assert found.value == pytest.approx(2.0)
     assert found.interval_90 == pytest.approx((2 - 0.1645, 2 + 0.1645), abs=1e-3)
     assert found.std == pytest.approx(0.1)
-    wide = mixture(np.log([2.0, 3.0]), np.array([0.01, 0.01]), logarithmic=True)
+    wide = mixture(np.log([2.0, 3.0]), np.array([0.01, 0.01]), np.full(2, 0.5), logarithmic=True)
     assert wide.interval_90 is not None
     assert wide.interval_90[0] == pytest.approx(2.0, rel=0.03)
     assert wide.interval_90[1] == pytest.approx(3.0, rel=0.03)

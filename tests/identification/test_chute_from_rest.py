@@ -10,9 +10,11 @@ from granpinn.config import Config, Network
 from granpinn.data import Flow
 from granpinn.identification.single import identify
 from granpinn.simulation import Chute, simulate
+from granpinn.uncertainty import error_bars
 
 LAW = (0.3, 0.7, 0.3)
 WITHIN_LAW, WITHIN_PRESSURE = 3.0, 2.0  # per cent
+WITHIN_I0 = 0.15
 
 
 @pytest.fixture(scope="module")
@@ -37,3 +39,15 @@ def test_law_and_pressure_of_a_chute_from_rest(noise: float, flow: Flow) -> None
     assert np.abs(error).max() < WITHIN_LAW
     assert result.error_percent.pressure is not None
     assert result.error_percent.pressure < WITHIN_PRESSURE
+
+
+def test_a_steep_chute_determines_I0(flow: Flow, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The training has another I0; the curvature of mu(I) shows the true one."""
+    monkeypatch.setattr(error_bars, "untested", lambda config: [])
+    small = Network(widths=(32, 32, 32))
+    config = Config(steps=4000, network=small, device="cpu", I0=0.2, checks="unknown_I0")
+    check = identify(flow, config).checks["unknown_I0"]
+    assert check.parameters["I0"].value == pytest.approx(LAW[2], rel=WITHIN_I0)
+    low, high = check.parameters["I0"].interval_90
+    assert low < LAW[2] < high
+    assert f"I0 {check.parameters['I0'].words}" in check.words

@@ -20,7 +20,7 @@ from granpinn.training import equations
 from granpinn.training import last_layer as module
 from granpinn.training.equations import law_weights
 from granpinn.training.features import Features, coefficients, with_coefficients
-from granpinn.training.last_layer import ITERATIONS, improve, iterate, last_layer, solve
+from granpinn.training.last_layer import ITERATIONS, factor, improve, iterate, last_layer
 from granpinn.training.last_layer_sums import Data, Sums, Unknowns, choose, velocity_moments
 from granpinn.training.objective import Member
 from granpinn.training.problem import Problem
@@ -124,8 +124,10 @@ def test_a_step_finds_the_exact_solution_of_a_linear_problem(seed: int, window: 
     posed = dataclasses.replace(problem(1, 1e-14, 1e-14, 1e-14, 1e-14), window=window)
     sums = sums_of(posed, data, params)
     start = Unknowns(coefficients(SPEC, params), THETA)
-    x = solve(*sums.normal_equations(start), 2, ridge=1e-13)
-    assert x is not None
+    A, b = sums.normal_equations(start)
+    found = factor(A, 2, ridge=1e-13)
+    assert found is not None
+    x = found.solve(-b)
     torch.testing.assert_close(start.C[:2] + x[:16].view(2, 8), C[:2], rtol=1e-5, atol=1e-5)
 
 
@@ -161,8 +163,10 @@ def test_steps_end_at_an_exact_solution(seed: int) -> None:
     assert sums.loss(exact) < 1e-20  # gamma_dot is 1 + SMOOTHING / 2
     at, off = Unknowns(C * noise, THETA.new_tensor([0.41, 0.44, 0.3])), []
     for _ in range(8):
-        x = solve(*sums.normal_equations(at), 2)
-        assert x is not None
+        A, b = sums.normal_equations(at)
+        found = factor(A, 2)
+        assert found is not None
+        x = found.solve(-b)
         theta = at.theta + torch.cat([x[-2:], x.new_zeros(1)])
         at = Unknowns(at.C + x[:-2].view_as(C), theta)
         off.append(float((at.theta - exact.theta).norm()))
@@ -200,7 +204,7 @@ def test_steps_are_repeated_until_the_law_has_settled(
     seen: list[tuple[float, bool]] = []
 
     def step(sums: Sums, at: Unknowns) -> Unknowns:
-        seen.append((float(at.theta[0]), sums._law_weights is None))
+        seen.append((float(at.theta[0]), sums._kept is None))
         sums.loss(at)
         return Unknowns(at.C, at.theta * left[len(seen) - 1])
 

@@ -11,14 +11,14 @@ from scipy import optimize
 
 from granpinn import one_law
 from granpinn.checks.shared_law import DIFFERENT
+from granpinn.checks.unknown_I0 import UnknownI0
 from granpinn.errors import BadInput, CannotGoOn
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import Covariance, Parameters, Residuals, Result
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import CARE, GOOD
-from granpinn.results.records import Assumed, ErrorBars, Members
-from granpinn.uncertainty import one_law as fitted
-from granpinn.uncertainty.error_model import Known, ends_of, load
+from granpinn.results.records import Assumed, ErrorBars, LawPoints, Members
+from granpinn.uncertainty.error_model import Known, ends_of, line, load
 from granpinn.uncertainty.one_law import LeastSquares, fit
 from tests.examples import make_result
 
@@ -36,7 +36,8 @@ def covariance() -> np.ndarray:
 def fitted_to(errors: np.ndarray, free: bool, theta: tuple[float, ...] = THETA) -> LeastSquares:
     """The fit to laws whose log mu is wrong by `errors` [6] at the ends."""
     y = np.log(DEFAULT.friction(I, *theta)) + errors
-    return fit(y, covariance(), I, DEFAULT.with_free({"I0": 0.3}) if free else DEFAULT, THETA)
+    law = DEFAULT.with_free({"I0": 0.3}) if free else DEFAULT
+    return fit(y, covariance(), I, law, THETA, (2, 2, 2))
 
 
 @pytest.mark.parametrize("free", [False, True], ids=["I0 given", "I0 free"])
@@ -115,22 +116,22 @@ def test_another_friction_is_found_and_needs_care() -> None:
     assert check.p_value == pytest.approx(1, abs=1e-3)
     assert check.reasons(same)[0].grade == GOOD
     assert check.flows[0].mu_joint == pytest.approx(check.flows[0].mu)
-    assert "I0 is held at 0.3: the expected error" in check.words
+    assert "I0 is held at 0.3: all flows have the same range of I" in check.words
     assert same.theta[:2] == pytest.approx(LAW)
     assert same.parameters["I0"].fixed
 
 
 def test_an_assumption_of_one_flow_moves_the_law_of_all() -> None:
-    line = Assumed(
+    surface = Assumed(
         "surface line", "1", 0.1, {"mu_s": 0.02, "mu_2": 0.05}, "higher", {"mu_s": 1, "mu_2": 2}
     )
     flows = [single(I_range=own) for own in RANGES]
     plain = one_law(flows)
-    found = one_law([dataclasses.replace(flows[0], assumptions=(line,)), *flows[1:]])
+    found = one_law([dataclasses.replace(flows[0], assumptions=(surface,)), *flows[1:]])
     (assumed,) = found.assumptions
     assert (assumed.name, assumed.example) == ("surface line of Säule µ.h5", "higher in Säule µ.h5")
     step = 0.01  # the law moves in proportion
-    moved = single(LAW + step * np.array([0.02, 0.05]), RANGES[0], assumptions=(line,))
+    moved = single(LAW + step * np.array([0.02, 0.05]), RANGES[0], assumptions=(surface,))
     after = one_law([moved, *flows[1:]])
     slope = (np.array(after.theta) - found.theta)[:2] / step
     assert list((assumed.derivative or {}).values()) == pytest.approx(slope, rel=0.02)
@@ -152,29 +153,31 @@ def test_the_same_flow_twice_is_not_more_than_with_half_the_variance() -> None:
     assert np.all(after >= 0.999 * before / 2**0.5)
 
 
+WIDE = (*RANGES, (0.2, 2.0))
+
+
 @pytest.mark.parametrize(
-    ("sd", "noise", "I0", "free", "words"),
+    ("ranges", "noise", "I0", "free", "words"),
     [
-        (0.05, 0.0, 0.3, True, "I0 is identified: the expected error"),
-        (0.2, 0.0, 0.3, False, "I0 is held at 0.3: the expected error"),
-        (0.05, 0.05, 0.3, False, "I0 is held at 0.3: the noise of a flow is 5 % of its speed"),
-        (0.05, 0.0, 0.25, False, "I0 is held at 0.25, as given"),
+        (WIDE, 0.0, 0.3, True, "I0 is identified: the flows leave a standard deviation of"),
+        (RANGES[:2], 0.0, 0.3, False, "I0 is held at 0.3: the flows leave a standard deviation of"),
+        (WIDE, 0.05, 0.3, False, "I0 is held at 0.3: the noise of a flow is 5 % of its speed"),
+        (WIDE, 0.0, 0.25, False, "I0 is held at 0.25, as given"),
     ],
 )
-def test_I0_is_free_where_ranges_determine_it_and_noise_is_small(
-    sd: float, noise: float, I0: float, free: bool, words: str, monkeypatch: pytest.MonkeyPatch
+def test_I0_is_free_where_the_flows_determine_it(
+    ranges: tuple[tuple[float, float], ...], noise: float, I0: float, free: bool, words: str
 ) -> None:
-    monkeypatch.setattr(fitted, "sd_of", lambda *arguments: {"I0": sd})
     results = []
-    for own in (*RANGES, (0.2, 2.0)):
+    for own in ranges:
         made = single(I_range=own)
         values = dict(made.parameters.items())
         values["I0"] = dataclasses.replace(values["I0"], value=I0)
         noisy = Residuals(dict(made.residuals or {}) | {"noise": noise})
-        line = Assumed(
+        surface = Assumed(
             "line", "1", 0.1, {"mu_s": 0.0, "mu_2": 0.1}, "up", {"mu_s": 0.0, "mu_2": 1.0}
         )
-        changed = {"parameters": Parameters(values), "residuals": noisy, "assumptions": (line,)}
+        changed = {"parameters": Parameters(values), "residuals": noisy, "assumptions": (surface,)}
         results.append(dataclasses.replace(made, **changed))
     found = one_law(results)
     assert found.checks["shared_law"].I0.startswith(words)
@@ -182,6 +185,25 @@ def test_I0_is_free_where_ranges_determine_it_and_noise_is_small(
     assert found.covariance is not None
     assert len(found.covariance.names) == 2 + free
     assert all(("I0" in (a.derivative or {})) == free for a in found.assumptions)
+
+
+def test_the_curvature_that_a_flow_shows_determines_I0() -> None:
+    """Of one flow of two the law with I0 free is known, at three inertial numbers."""
+    truth, own = (0.4, 0.64, 0.2), (0.05, 0.5)
+    at = np.geomspace(*own, 3)
+    C = np.diag(np.full(3, 0.001**2))
+    points = LawPoints(
+        tuple(at), tuple(np.log(DEFAULT.friction(at, *truth))), tuple(map(tuple, C.tolist()))
+    )
+    free = UnknownI0((0.075, 1.2), Parameters({}), points)
+    chute = single(I_range=own, checks={"unknown_I0": free})
+    ends = np.array([0.01, 0.1])
+    near = np.linalg.solve(line(ends_of((0.01, 0.1), 0.3)), DEFAULT.friction(ends, *truth))
+    found = one_law([single(near, I_range=(0.01, 0.1)), chute])
+    assert not found.parameters["I0"].fixed
+    assert found.theta == pytest.approx(truth, rel=1e-3)
+    assert found.parameters["I0"].std < 0.15 * truth[2]
+    assert found.checks["shared_law"].freedom == 2
 
 
 def test_results_that_cannot_be_weighed_are_refused() -> None:

@@ -14,7 +14,7 @@ from collections import defaultdict
 import numpy as np
 
 from bench.studies.coverage.table import read
-from granpinn.checks.unknown_I0 import of_ends
+from granpinn.checks.unknown_I0 import of_points
 from granpinn.results.result import NORMAL_90
 from granpinn.uncertainty.error_model import load
 
@@ -24,10 +24,9 @@ I0 = 0.3
 def main() -> None:
     model, held = load(), defaultdict(list)
     for row in read():
-        mu, C = row.known.ends, sum(model.of_flows([row.known]))
-        low, high = (row.I0 * x / (1 - x) for x in row.known.x)
-        C = C * np.outer(mu, mu) * (model.half_width() / NORMAL_90) ** 2
-        found = of_ends((low, high), mu, C, I0).parameters
+        C = sum(model.of_flows([row.known])) * (model.half_width() / NORMAL_90) ** 2
+        I = np.array([row.I0 * x / (1 - x) for x in row.known.x])
+        found = of_points(I, np.log(row.known.ends), C, I0).parameters
         truth = {"mu_s": row.truth[0], "slope": (row.truth[1] - row.truth[0]) / row.I0}
         ends = {name: found[name].interval_90 or (0.0, 0.0) for name in truth}
         held[row.population].append([ends[n][0] <= truth[n] <= ends[n][1] for n in truth])

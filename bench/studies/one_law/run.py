@@ -112,7 +112,11 @@ def record(group: Group, results: dict[Single, Result]) -> dict[str, Any]:
         "I_range": found.law.I_range,
         "parameters": encode(found.parameters),
         "apart": [
-            {"I_range": result.law.I_range, "parameters": encode(result.parameters)}
+            {
+                "I_range": result.law.I_range,
+                "parameters": encode(result.parameters),
+                "I0": encode(result.checks["unknown_I0"].parameters.get("I0")),
+            }
             for result in apart
         ],
         "once": once,
@@ -124,7 +128,7 @@ def record(group: Group, results: dict[Single, Result]) -> dict[str, Any]:
 def run(own: argparse.Namespace, config: Config) -> None:
     """Identify the flows of the groups, those with equal steps in one batch."""
     every = [g for g in groups(own.flows, own.scenes, own.seed) if g.kind in own.kinds]
-    config = dataclasses.replace(config, checks="momentum_balance")
+    config = dataclasses.replace(config, checks="momentum_balance,unknown_I0")
     known = json.loads(own.out.read_text())["groups"] if own.out.exists() else []
     found = [row for row in known if row["kind"] not in own.kinds]
     for steps in dict.fromkeys(group.steps for group in every):
