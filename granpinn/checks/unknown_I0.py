@@ -12,8 +12,8 @@ $$ \chi^2(I_0) = \min_{\mu_s, \mu_2}\, (y - \log\mu)^T C^{-1} (y - \log\mu), $$
 
 where log mu is linear in its values at both ends around the best ones. All I0 from a quarter to
 four times that of the run are as likely as $\exp(-\chi^2/2)$ says, evenly in log I0. With two
-points chi-square is 0, and all count alike. The intervals are the central 90 % of the mixture of these
-laws. That of mu_s is lognormal, that of the slope normal (bench/studies/inertial_number/note.md).
+points chi-square is 0, and all count alike. The intervals are the central 90 % of the mixture of
+these laws. That of mu_s is lognormal, that of the slope normal.
 """
 
 from __future__ import annotations
