@@ -65,7 +65,7 @@ FORMATS = {
     "basilisk": Format("Basilisk output_field", basilisk.sniff, basilisk.read, ("names",)),
     "openpiv": Format("OpenPIV text", openpiv.sniff, openpiv.read),
     "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
-    "netcdf": Format("netCDF, zarr (needs xarray)", netcdf.sniff, netcdf.read),
+    "netcdf": Format("netCDF, as pivpy and xarray write it", netcdf.sniff, netcdf.read),
     "mesh": Format("VTK, OpenFOAM (needs pyvista)", meshes.sniff, meshes.read, ("names",)),
 }
 

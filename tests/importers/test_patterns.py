@@ -25,7 +25,6 @@ PATTERNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "basilisk._COLUMN": ("findall", ("1", "1:", " 1", "1:a ")),
     "basilisk._FIRST": ("match", (" ", "# ", "#", "# 1:x ")),
     "columns._COLUMN": ("fullmatch", ("a", " ", "[", "(a", "a[", "]")),
-    "datasets.TYPES": ("fullmatch", ("<f8", "<", "int8", "u", "float")),
     "davis._TEXT_HEADER": ("match", ("#", "# ", "DaVis ", "1 ", "#DaVis 1 2D-vector 1")),
     "insight._DELTA": ("search", ('MicrosecondsPerDeltaT="1', "1", "1.1")),
     "insight._SIZE": ("search", ("I=", "I= ", "I=1, J=", "I=1")),

@@ -75,15 +75,6 @@ def netcdf(folder: Path) -> None:
     dataset().to_netcdf(folder / "a.nc", engine="h5netcdf")
 
 
-def zarr(version: int) -> Writer:
-    def write(folder: Path) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            dataset().to_zarr(folder / "a.zarr", zarr_format=version)
-
-    return write
-
-
 def tracks(folder: Path) -> None:
     write_csv(folder / "a.csv", motion(tracks=6))
 
