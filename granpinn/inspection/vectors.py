@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.data.rules import MAX_ZERO_SHARE
 from granpinn.inspection import Inspection
 from granpinn.results.record import ADVICE, Check, Reason, Record
 
@@ -42,20 +41,13 @@ class Vectors(Record):
         return f"{self.count} {kind}{gaps}, {self.zero_share:.1%} exactly zero"
 
     def reasons(self, of: Inspection) -> list[Reason]:
-        found = []
-        if self.zero_share > MAX_ZERO_SHARE:
-            text = (
-                f"{self.zero_share:.1%} of the vectors are exactly zero: if these are gaps, write "
-                "NaN, because a zero looks like grains at rest."
-            )
-            found.append(Reason(ADVICE, text))
-        if self.invalid_share is not None and self.invalid_share > MANY_INVALID:
-            text = (
-                f"{self.invalid_share:.0%} of the grains have no valid vector: see validity.png; "
-                "more light, more texture or larger windows help."
-            )
-            found.append(Reason(ADVICE, text))
-        return found
+        if self.invalid_share is None or self.invalid_share <= MANY_INVALID:
+            return []
+        text = (
+            f"{self.invalid_share:.0%} of the grains have no valid vector: see validity.png; "
+            "more light, more texture or larger windows help."
+        )
+        return [Reason(ADVICE, text)]
 
     def figures(self) -> dict[str, tuple[str, Callable[[Inspection], Any]]]:
         return {"validity": ("Valid vectors", _share_of_valid)}
