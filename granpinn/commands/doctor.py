@@ -42,7 +42,7 @@ EXTRAS = {
     "lavision": ("lvpyio",),
     "mesh": ("pyvista",),
     "film": ("cv2",),
-    "test": ("pytest", "hypothesis", "sympy", "h5netcdf", "pandas", "tables", "psutil", "yaml"),
+    "test": ("pytest", "hypothesis", "sympy", "h5netcdf", "pandas", "psutil", "yaml"),
     "docs": ("mkdocs", "material", "mkdocstrings_handlers", "latex2mathml"),
     "dev": ("ruff", "mypy", "importlinter", "clang_format"),
 }

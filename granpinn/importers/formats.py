@@ -52,7 +52,7 @@ FORMATS = {
         "PIVlab .mat: frame, all frames or session", pivlab_mat.sniff, pivlab_mat.read
     ),
     "tracks": Format(
-        "tracks of particles, CSV or HDF5: trackpy, TrackMate, TracTrac, opyf",
+        "tracks of particles, a table: trackpy, TrackMate, TracTrac, opyf",
         tracks.sniff,
         tracks.read,
         ("window", "columns", "drop_duplicates"),

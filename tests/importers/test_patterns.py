@@ -39,7 +39,6 @@ PATTERNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "pivlab_text._NUMBER_FIRST": ("match", (" ", "-", "n", ".")),
     "series._NUMBER": ("split", ("1", "1.", "a1", ".")),
     "source._NUMBER": ("findall", ("1", "1.", "1e", "1e+", "1.1e")),
-    "tracks._DIGITS": ("findall", ("1", "a1")),
     "units._NAME_WITH_POWER": ("findall", ("m", "m^", "m-", "m2", "**")),
     "units._QUANTITY": ("fullmatch", ("1", ".", "1.", "1e", "1 ", " ", "+")),
     "units._UNIT": ("fullmatch", ("m", "m*", "1/", "m ", "m2", " ", "m^")),

@@ -23,7 +23,7 @@ MAINS: dict[str, Callable[[Sequence[str]], int]] = {
     "report": report,
     "simulate": simulate,
 }
-LATE = ("h5netcdf", "xarray", "pyvista", "lvpyio", "pandas", "tables", "PIL.Image")
+LATE = ("h5netcdf", "xarray", "pyvista", "lvpyio", "pandas", "PIL.Image")
 EMPTY_IMAGE = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAQAAAC1HAwCAAAAC0lEQVR42mNkYAAAAAYAAjCB0C8AAAAASUVORK5CYII="
 )

@@ -97,7 +97,6 @@ _OPTIONS = {
 }
 _REPORTS = {"report": ("run",), "report-paraview": ("run", "--paraview")}
 _OF_RUN = ("run/results.json", "run/fields.h5", "run/history.csv")
-_HDF = ("pandas", "tables")
 _BASILISK = "a-0.txt a-1.txt a-2.txt"
 _TIMES = ("--times", "times.txt", "--scale", "0.5 mm/px", "--pulse-delay", "2 ms", *MATERIAL)
 FORMATS: dict[str, Format] = {
@@ -114,7 +113,6 @@ FORMATS: dict[str, Format] = {
         frames("a-{}.txt", basilisk), _BASILISK, *PLAIN, "--times", "name", text=True
     ),
     "tracks": by_convert(writers.tracks, "a.csv", *LAB, *PIXELS, *FLIP, text=True),
-    "tracks-hdf5": by_convert(writers.tracks_hdf5, "a.h5", *LAB, *PIXELS, *FLIP, needs=_HDF),
     "mat5": by_convert(writers.mat("version_5", "all_frames"), "a.mat", *LAB),
     "mat5-session": by_convert(writers.mat("version_5", "session"), "a.mat", *LAB),
     "mat7.3": by_convert(writers.mat("version_73", "all_frames"), "a.mat", *LAB),
