@@ -45,7 +45,6 @@ from granpinn.simulation.likeness import (
     extent,
     in_corner,
     interpolation,
-    spacings,
     unlike,
 )
 from granpinn.simulation.parameters import Collapse
@@ -307,7 +306,7 @@ def fraction_of(flow: Flow, k: int, collapse: Collapse, before: float = 0.0) -> 
         return share
     # The next node behind the last one with grains has none.
     last = [min(k.max() + 1, len(axis) - 1) for k, axis in zip(held, (flow.y, flow.x), strict=True)]
-    dx, dy = spacings(flow)
+    dx, dy = flow.spacing
     ends = flow.y[last[0]] + dy / 2, flow.x[last[1]] + dx / 2
     y, x = ((np.arange(n * count) + 0.5) * h / n for count in share.shape)
     y, x = y[y < ends[0]], x[x < ends[1]]

@@ -13,7 +13,7 @@ NORMAL = 1.4826  # standard deviation over median absolute deviation of normal d
 LEAST_CORRELATION = 0.05  # below this it is scatter
 
 
-def spread(values: Float64) -> float | None:
+def robust_sd(values: Float64) -> float | None:
     """Standard deviation of the finite ones of normal deviates around 0; None if they are few."""
     finite = values[np.isfinite(values)]
     if finite.size < FEWEST:
@@ -36,11 +36,6 @@ def correlation(signs: Int8) -> float:
         return 0.0
     mean = int(signs.sum(dtype=np.int64)) / known
     return math.sin(math.pi / 2 * mean)
-
-
-def rms(u: float, v: float) -> float:
-    """Root mean square of two components."""
-    return math.sqrt((u * u + v * v) / 2)
 
 
 def quantiles(values: Float64, group: Index, count: int, q: float) -> Float64:

@@ -130,9 +130,9 @@ def _line(flow: Flow) -> list[Reason]:
     if flow.surface is None:
         return []
     upright, _ = vertical_coordinate(flow.gravity)
-    axis, place = (flow.x, flow.surface.x) if upright else (flow.y, flow.surface.y)
+    place = flow.surface.x if upright else flow.surface.y
     columns = int((flow.c[0] >= 1).any(axis=0 if upright else 1).sum())
-    if columns < FEWEST or np.ptp(place) >= float(np.median(np.diff(axis))):
+    if columns < FEWEST or np.ptp(place) >= flow.spacing[0 if upright else 1]:
         return []
     text = (
         f"all points of the free surface lie within one of {columns} columns of grains, at "

@@ -110,7 +110,7 @@ def initial_column(flow: Flow) -> GrainColumn | str:
         return objection
     lengths = []
     # A length in the file holds if it agrees with the first frame.
-    for name, length, spacing in zip(GrainColumn._fields, measured, spacings(flow), strict=True):
+    for name, length, spacing in zip(GrainColumn._fields, measured, flow.spacing, strict=True):
         stated = flow.stated(f"column_{name}")
         agrees = stated is not None and abs(stated - length) <= spacing
         lengths.append(stated if stated is not None and agrees else length)
@@ -149,7 +149,7 @@ def foreign_wall(flow: Flow) -> str | None:
     if flow.walls is None:
         return None
     walls = segments_of(flow.walls)
-    dx, dy = spacings(flow)
+    dx, dy = flow.spacing
     x, y = walls.ends[..., 0], walls.ends[..., 1]
     known = (np.abs(y) <= NEAR * dy).all(axis=1)
     floor = known
@@ -172,27 +172,22 @@ def foreign_wall(flow: Flow) -> str | None:
     )
 
 
-def spacings(flow: Flow) -> tuple[float, float]:
-    """Spacings of the grid along x and y."""
-    return float(np.median(np.diff(flow.x))), float(np.median(np.diff(flow.y)))
-
-
 def in_corner(flow: Flow, k: int) -> bool:
     """Whether the grains of frame k touch the wall and the floor of the simulator."""
-    dx, dy = spacings(flow)
+    dx, dy = flow.spacing
     return bool(abs(flow.x[0]) <= dx and abs(flow.y[0]) <= dy and flow.c[k, 0, 0] >= 0.5)
 
 
 def extent(flow: Flow, full: Bool) -> GrainColumn:
     """The rectangle from the corner around the grains of a frame, `full` [Y, X]."""
-    dx, dy = spacings(flow)
+    dx, dy = flow.spacing
     row, column = (int(np.flatnonzero(full.any(axis=k)).max()) for k in (1, 0))
     return GrainColumn(float(flow.x[column]) + dx / 2, float(flow.y[row]) + dy / 2)
 
 
 def heights(flow: Flow) -> Float64:
     """How thick the grains lie at every x [T, X]."""
-    thick: Float64 = flow.c.sum(axis=1, dtype=np.float64) * spacings(flow)[1]
+    thick: Float64 = flow.c.sum(axis=1, dtype=np.float64) * flow.spacing[1]
     return thick
 
 
@@ -208,7 +203,7 @@ def _box_width(flow: Flow, column: GrainColumn) -> float:
 
 def cells_of(flow: Flow, column: GrainColumn) -> int:
     """Cells across the box by the grid of the solver that made the data, else by the data grid."""
-    spacing = flow.stated(SOLVER_CELL) or spacings(flow)[0]
+    spacing = flow.stated(SOLVER_CELL) or flow.spacing[0]
     wanted = min(_box_width(flow, column) / spacing, MOST_CELLS)  # before an infinity is rounded
     return max(CELLS_MULTIPLE * round(wanted / CELLS_MULTIPLE), FEWEST_CELLS)
 
@@ -231,7 +226,7 @@ def collapse_of(
     Raises:
         ConfigError: they are invalid, or the box in the file is absurdly large beside its grains.
     """
-    width, dx = _box_width(flow, column), spacings(flow)[0]
+    width, dx = _box_width(flow, column), flow.spacing[0]
     height = flow.stated("box_height") or flow.stated("domain_size") or 1.2 * column.height
     most = LARGEST_AREA * max(MOST_CELLS, cells or 0) ** 2
     cells = cells_of(flow, column) if cells is None else cells
