@@ -50,7 +50,7 @@ class Vectors(Record):
         return [Reason(ADVICE, text)]
 
     def figures(self) -> dict[str, tuple[str, Callable[[Inspection], Any]]]:
-        return {"validity": ("Valid vectors", _share_of_valid)}
+        return {"validity": ("Valid vectors", _share_of_valid), "speed": ("Speed", _speed)}
 
 
 def make(inspection: Inspection) -> Vectors:
@@ -77,6 +77,21 @@ def _share_of_valid(inspection: Inspection) -> Any:
     grains, there = view.grains.sum(axis=0), (view.there & view.grains).sum(axis=0)
     share = np.divide(there, grains, out=np.full(grains.shape, np.nan), where=grains > 0)
     return map_of_grid(flow, share, "share of valid vectors", (0.0, 1.0))
+
+
+def _speed(inspection: Inspection) -> Any:
+    """The speed in the frame with the largest mean speed."""
+    from granpinn.figures.maps import map_of_grid
+    from granpinn.figures.style import label
+
+    view, flow = inspection.facts.view, inspection.flow
+    size = np.where(view.there, np.hypot(view.u, view.v), np.nan) * inspection.scales.velocity
+    n = view.there.sum(axis=(1, 2))
+    mean = np.divide(np.nansum(size, axis=(1, 2)), n, out=np.zeros(n.size), where=n > 0)
+    k = int(np.argmax(mean))
+    drawing = map_of_grid(flow, size[k], label("$|v|$", inspection.velocity_unit))
+    drawing.figure.axes[0].set_title(f"t = {flow.t[k]:.4g}")
+    return drawing
 
 
 CHECK = Check("vectors", Vectors, make, seconds=0.02, quick=False)
