@@ -57,8 +57,8 @@ def make(inspection: Inspection) -> Vectors:
     flow, view = inspection.flow, inspection.facts.view
     particles = flow.particles
     if particles is None:
-        later = view.there & flow.after_start(flow.t)[:, None, None]
-        u, v = view.u[later], view.v[later]
+        later = flow.valid & flow.after_start(flow.t)[:, None, None]
+        u, v = flow.u[later], flow.v[later]
         invalid = 1 - int(view.there.sum()) / int(view.grains.sum())
     else:
         later = flow.after_start(particles.t)
@@ -84,11 +84,10 @@ def _speed(inspection: Inspection) -> Any:
     from granpinn.figures.maps import map_of_grid
     from granpinn.figures.style import label
 
-    view, flow = inspection.facts.view, inspection.flow
-    size = np.where(view.there, np.hypot(view.u, view.v), np.nan) * inspection.scales.velocity
-    n = view.there.sum(axis=(1, 2))
-    mean = np.divide(np.nansum(size, axis=(1, 2)), n, out=np.zeros(n.size), where=n > 0)
-    k = int(np.argmax(mean))
+    flow = inspection.flow
+    size = np.where(flow.valid, np.hypot(flow.u, flow.v), np.nan)
+    n = np.maximum(flow.valid.sum(axis=(1, 2)), 1)
+    k = int(np.argmax(np.nansum(size, axis=(1, 2)) / n))
     drawing = map_of_grid(flow, size[k], label("$|v|$", inspection.velocity_unit))
     drawing.figure.axes[0].set_title(f"t = {flow.t[k]:.4g}")
     return drawing
