@@ -1,7 +1,6 @@
 """Seconds of `python -m granpinn.train` from the start of the process to its answer and its exit.
 
     python -m bench.command_profile --json command.json -- --device cuda
-    python -m bench.command_profile --module granpinn.tables --flow FLOW.h5 ... -- --seeds 5
 
 The command runs `--repeats` times as a user gives it; the medians come last. The flow is the
 demonstration unless `--flow` names others. The words after `--` go to the command. For functions,

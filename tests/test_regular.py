@@ -14,7 +14,6 @@ import pytest
 import granpinn
 from granpinn import importers
 from granpinn.commands import convert, inspect, train
-from granpinn.commands import tables as tables_command
 from granpinn.config.toml import read_toml
 from granpinn.data import read_flow
 from granpinn.fit.network import read_network
@@ -67,7 +66,6 @@ READERS: dict[str, Callable[[Path], object]] = {
 COMMANDS: dict[str, Callable[[Path], int]] = {
     "train FLOW": lambda path: train.main([str(path), "--out", f"{path}.run"]),
     "train --config": lambda path: train.main(["a.h5", "--out", "b", "--config", str(path)]),
-    "tables --config": lambda path: tables_command.main(["--out", "b", "--config", str(path)]),
     "inspect FLOW": lambda path: inspect.main([str(path)]),
     "convert IN": lambda path: convert.main([str(path), "--out", f"{path}.h5"]),
     "convert IN to an old file": lambda path: convert.main([str(path), "--out", __file__]),

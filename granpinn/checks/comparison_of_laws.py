@@ -226,7 +226,7 @@ def compared(
     root = (directions / np.sqrt(np.maximum(variances, SINGULAR * variances[-1]))).T
     curve = Fit(free.LAW, tuple(theta), {}, band.mu, 0.0)
     named = [
-        nearest(law, given, band.I, I, m, root)
+        fit_to_curve(law, given, band.I, I, m, root)
         for law in LAWS.values()
         if law.compiled and not (law.curve or law.cohesion)
     ]
@@ -246,7 +246,7 @@ def compared(
     )
 
 
-def nearest(
+def fit_to_curve(
     law: FrictionLaw,
     given: Mapping[str, float],
     at: Float64,

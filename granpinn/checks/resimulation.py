@@ -16,14 +16,14 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.data import Flow
-from granpinn.data.norms import relative_l2, rms
+from granpinn.data.norms import relative_l2
 from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer
 from granpinn.fit.context import Context
 from granpinn.physics.laws import FrictionLaw
 from granpinn.results import plain
 from granpinn.results.record import Check, Record
-from granpinn.simulation.likeness import GrainColumn, heights, interpolation, scene_of, spread
+from granpinn.simulation.likeness import heights, interpolation, scene_of
 from granpinn.simulation.recorder import Recorder
 from granpinn.simulation.run import lines, states
 
@@ -36,8 +36,7 @@ class Curves:
     """The two flows at the times of the data; lengths in the units of the file.
 
     Attributes:
-        t, front, front_simulated, velocity_percent, profile_rms: [T]; None where there is none. A
-            layer on a slope has no front.
+        t, front, front_simulated, velocity_percent, profile_rms: [T]; None where there is none.
         x: coordinates of the profiles [X].
         frames: of the profiles [K]; profiles, profiles_simulated: heights of the surface [K, X].
     """
@@ -65,9 +64,7 @@ class Resimulation(Record):
 
     Attributes:
         cells: across the box.
-        column: width and height of the column at the start, in the units of the file; None for a
-            layer on a slope, which has no front either.
-        layer: depth of this layer.
+        column: width and height of the column at the start, in the units of the file.
         velocity_percent: relative L2 error of the velocity over the common points, eq. (errorL2).
         common_percent: share of the points of the data that the simulation has too.
         front_percent, front_worst_percent: rms and largest difference of the fronts, relative to
@@ -91,22 +88,16 @@ class Resimulation(Record):
     front_percent: float | None = None
     front_worst_percent: float | None = None
     profile_percent: float | None = None
-    layer: float | None = None
     curves: Curves | None = None
 
     @property
     def words(self) -> str:
         if self.objection is not None:
             return f"not simulated again: {self.objection}"
-        text = (
+        return (
             f"simulated again with this law: velocity off by {self.velocity_percent:.2f} % on "
-            f"{self.common_percent:.0f} % of the points"
-        )
-        if self.layer is not None:
-            return text
-        return text + (
-            f", front by {self.front_percent:.2f} % and surface by {self.profile_percent:.2f} % of "
-            f"the initial height (rms)"
+            f"{self.common_percent:.0f} % of the points, front by {self.front_percent:.2f} % and "
+            f"surface by {self.profile_percent:.2f} % of the initial height (rms)"
         )
 
     def figures(self) -> dict[str, tuple[str, Callable[[Any], Any]]]:
@@ -152,25 +143,19 @@ def resimulate(
     for t, state in states(scene, flow.t.tolist(), listener):
         recorder.add(t, state)
     seconds = time.monotonic() - begin
-    simulated = recorder.flow()
-    record = replace(
-        compare(flow, spread(simulated, flow.x) if flow.periodic else simulated),
-        cells=scene.cells,
-        seconds=seconds,
-    )
+    record = compare(flow, recorder.flow())
     curves = record.curves
     assert curves is not None
-    if not isinstance(start, GrainColumn):
-        none = (None,) * len(flow.t)
-        curves = replace(curves, front=none, front_simulated=none)
-        return replace(record, layer=start, curves=curves)
+    profile = curves.array("profile_rms")
     front = (curves.array("front_simulated") - curves.array("front")) / start.height
     return replace(
         record,
+        cells=scene.cells,
+        seconds=seconds,
         column=(start.width, start.height),
-        front_percent=100 * rms(front),
+        front_percent=100 * float(np.sqrt(np.nanmean(front**2))),
         front_worst_percent=100 * float(np.nanmax(np.abs(front))),
-        profile_percent=100 * rms(curves.array("profile_rms")) / start.height,
+        profile_percent=100 * float(np.sqrt(np.nanmean(profile**2))) / start.height,
     )
 
 

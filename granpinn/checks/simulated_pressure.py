@@ -36,22 +36,16 @@ from granpinn.fit.context import Context
 from granpinn.physics.laws import FrictionLaw
 from granpinn.results import Fields, append_variable
 from granpinn.results.record import Check, Record
-from granpinn.simulation.chute import Chute
 from granpinn.simulation.engine import SimulationError, Start, State, settle, settled_after
 from granpinn.simulation.likeness import (
     CORNER,
-    STEADY,
     Nodes,
     box_of,
-    chute_of,
     collapse_of,
-    depth_of,
     extent,
-    foreign_wall,
     in_corner,
     interpolation,
-    not_a_layer,
-    spacings,
+    unlike,
 )
 from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.threads import threads
@@ -215,30 +209,21 @@ def at_frames(
     if isinstance(usable, str):
         return usable
     chosen = evenly(usable, frames)
-    given = law, theta, cells, wall_friction
-    scenes: dict[int, Chute | Collapse] = {}
-    try:
-        if flow.periodic:
-            scenes |= {k: chute_of(flow, depth_of(flow, k), *given) for k in chosen}
-        else:  # one box for all frames
-            everywhere = extent(flow, np.asarray((flow.c[usable] >= 0.5).any(axis=0)))
-            scenes |= dict.fromkeys(chosen, collapse_of(flow, everywhere, *given))
-        scenes = {k: dataclasses.replace(s, threads=1).resolved() for k, s in scenes.items()}
+    everywhere = extent(flow, np.asarray((flow.c[usable] >= 0.5).any(axis=0)))
+    try:  # one box for all frames
+        scene = collapse_of(flow, everywhere, law, theta, cells, wall_friction)
+        scene = dataclasses.replace(scene, threads=1).resolved()
     except ConfigError as error:
         return str(error)
+    before = settled_after(scene)
 
     def one(k: int) -> Float64 | str:
         """The pressure of frame k [Y, X], or why there is none."""
         if deadline is not None and time.monotonic() > deadline:
             return LATE
-        scene, before = scenes[k], settled_after(scenes[k])
         try:
-            if isinstance(scene, Chute):
-                start = start_of_layer(scene, velocity, max(float(flow.t[k]) - before, 0.0))
-                p = pressure_of_layer(flow, settle(scene, start), scene.spacing)
-            else:
-                state = settle(scene, start_of(flow, k, scene, velocity, before))
-                p = pressure_at(flow, state, scene.spacing)
+            state = settle(scene, start_of(flow, k, scene, velocity, before))
+            p = pressure_at(flow, state, scene.spacing)
         except SimulationError:
             return FAILED
         return p if np.isfinite(p).all() else FAILED
@@ -254,7 +239,7 @@ def at_frames(
     missing = [p for p in found.values() if isinstance(p, str)]
     return Pressures(
         {k: p for k in chosen if not isinstance(p := found[k], str)},
-        scenes[chosen[-1]].cells,
+        scene.cells,
         missing.count(FAILED),
         missing.count(LATE),
     )
@@ -262,12 +247,7 @@ def at_frames(
 
 def usable_frames(flow: Flow) -> list[int] | str:
     """The frames at which a simulation can start, or the reason why there are none."""
-    if flow.periodic:
-        there = flow.after_start(flow.t) & flow.material.any(axis=(1, 2))
-        return not_a_layer(flow) or np.flatnonzero(there).tolist() or NO_FRAME
-    if flow.steady:
-        return STEADY
-    if objection := foreign_wall(flow, box_of(flow)):
+    if objection := unlike(flow):
         return objection
     after = np.flatnonzero((flow.t > 0) & flow.material.any(axis=(1, 2))).tolist()
     standing = [k for k in after if in_corner(flow, k)]
@@ -326,7 +306,7 @@ def fraction_of(flow: Flow, k: int, collapse: Collapse, before: float = 0.0) -> 
         return share
     # The next node behind the last one with grains has none.
     last = [min(k.max() + 1, len(axis) - 1) for k, axis in zip(held, (flow.y, flow.x), strict=True)]
-    dx, dy = spacings(flow)
+    dx, dy = flow.spacing
     ends = flow.y[last[0]] + dy / 2, flow.x[last[1]] + dx / 2
     y, x = ((np.arange(n * count) + 0.5) * h / n for count in share.shape)
     y, x = y[y < ends[0]], x[x < ends[1]]
@@ -351,28 +331,6 @@ def pressure_at(flow: Flow, state: State, spacing: float) -> Float64:
 def _within(nodes: Nodes, y: Float64, x: Float64) -> Nodes:
     """Nodes beyond the ends of other axes, moved to these ends."""
     return Nodes(np.clip(nodes.y, y[0], y[-1]), np.clip(nodes.x, x[0], x[-1]))
-
-
-def start_of_layer(chute: Chute, velocity: Velocity, time: float) -> Start:
-    """The even layer of a resolved chute with a velocity along the slope."""
-    h, c = chute.spacing, chute.start_fraction()
-    ny, nx = c.shape
-    rows = int((c[:, 0] > 0).sum())
-    y = h * (np.arange(rows, dtype=np.float64) + 0.5)
-    u = np.zeros((ny, nx + 1))
-    u[:rows] = velocity(np.zeros(rows), y, time)[0][:, None]
-    u[rows:] = u[rows - 1]  # the air moves with the surface
-    return Start(c, u, np.zeros((ny + 1, nx)))
-
-
-def pressure_of_layer(flow: Flow, state: State, spacing: float) -> Float64:
-    """The pressure of a state at the grid of a flow [Y, X]; linear beyond its ends."""
-    y = spacing * (np.arange(len(state.p)) + 0.5)
-    p = state.p.mean(axis=1)
-    rows = np.interp(flow.y, y, p)
-    below = flow.y < y[0]
-    rows[below] = p[0] + (flow.y[below] - y[0]) * (p[1] - p[0]) / spacing
-    return np.repeat(rows[:, None], len(flow.x), axis=1)
 
 
 def velocity_of(flow: Flow, model: Model) -> Velocity:

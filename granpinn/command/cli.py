@@ -62,10 +62,6 @@ VERBS = {
         "simulate a collapse, a chute or a silo with a known friction law, to a flow file",
         "granpinn simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5",
     ),
-    "tables": Verb(
-        "run the tables of the paper again and compare them with its numbers",
-        "granpinn tables --out tables",
-    ),
     "doctor": Verb(
         "show what is installed, which kernels run and why",
         "granpinn doctor",

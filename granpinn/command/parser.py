@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from granpinn.config.fields import Setting, flag_of, nearest, without_none
+from granpinn.config.fields import Setting, flag_of, most_like, without_none
 from granpinn.config.values import NONE, convert
 from granpinn.errors import BadInput
 
@@ -131,7 +131,7 @@ class Parser(argparse.ArgumentParser):
     def _meant(self, rest: Sequence[str]) -> str:
         known = {flag.lstrip("-"): flag for flag in self._option_string_actions}
         flags = [word[2:].partition("=")[0] for word in rest if word.startswith("--")]
-        near = nearest(flags[0], known) if flags else None
+        near = most_like(flags[0], known) if flags else None
         return "" if near is None else f": did you mean {known[near]}?"
 
 

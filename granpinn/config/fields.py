@@ -94,7 +94,7 @@ def section(kind: type, *, free: bool = False) -> Any:
     return field(default_factory=kind, metadata={"free": free})
 
 
-def nearest(name: str, known: Iterable[str]) -> str | None:
+def most_like(name: str, known: Iterable[str]) -> str | None:
     """The known name that is most like `name`, which may lack its section; None without one."""
     names = {key: key for key in known}
     for key in [*names]:
@@ -107,7 +107,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 def unknown(shown: str, name: str, known: Iterable[str]) -> str:
     """The sentence about a setting that does not exist, with the nearest of the known names."""
-    near = nearest(name, known)
+    near = most_like(name, known)
     hint = f"did you mean {near}?" if near else "granpinn train --help lists them"
     return f"unknown setting {shown}: {hint}"
 

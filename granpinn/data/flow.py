@@ -211,6 +211,11 @@ class Flow:
         return np.asarray(-(g_x * x + g_y * y) / math.hypot(g_x, g_y))
 
     @property
+    def spacing(self) -> tuple[float, float]:
+        """Usual distances of columns and of rows: the medians along x and y."""
+        return float(np.median(np.diff(self.x))), float(np.median(np.diff(self.y)))
+
+    @property
     def steady(self) -> bool:
         """Whether all frames show one and the same flow: it is stated, or there is one frame."""
         return self.t.size == 1 or self.attributes.get(STEADY) == 1

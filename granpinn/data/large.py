@@ -4,9 +4,8 @@ A flow of at most `MOST_CELLS` cells over all frames is used as it is. Of a larg
 
 - checks and training points go over all frames, in slabs of some frames (`slabs`);
 - fields, figures and errors are those of frames that are spread evenly (`spread`);
-- noise, symmetries and the momentum balance are those of runs of frames (`runs`), which are spread
-  evenly too: differences in time need neighbors;
-- the inspection shows one run of frames (`middle`).
+- noise, symmetries, the momentum balance and the inspection are those of runs of frames (`runs`),
+  which are spread evenly too: differences in time need neighbors.
 
 Each of these choices holds at most `MOST_CELLS` cells, or one run of larger frames.
 """
@@ -101,15 +100,6 @@ def runs(flow: Flow) -> Flow:
     frames = (first[:, None] + np.arange(length)).ravel()
     starts = tuple(range(0, len(frames), length))
     return replace(some_frames(flow, frames), starts=starts)
-
-
-def middle(flow: Flow) -> Flow:
-    """One run of frames in the middle of the time; the flow itself unless it is large."""
-    if not is_large(flow):
-        return flow
-    count = min(flow.t.size, max(RUN, MOST_CELLS // flow.c[0].size))
-    first = (flow.t.size - count) // 2
-    return some_frames(flow, slice(first, first + count))
 
 
 def _evenly(last: int, count: int) -> Index:

@@ -1,15 +1,10 @@
-"""Norms of fields and of their errors."""
+"""The relative error of a field."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from granpinn.arrays import Floats
-
-
-def rms(values: Floats) -> float:
-    """Root mean square of the values that are not NaN."""
-    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def relative_l2(predicted: Floats, reference: Floats) -> float | None:

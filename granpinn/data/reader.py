@@ -11,7 +11,7 @@ import numpy as np
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth, Walls
 from granpinn.data.hdf5 import Hdf5File, read_hdf5
 from granpinn.data.particles import grid_view
-from granpinn.data.rules import check_values, warn_of_rounding, warn_of_zeros
+from granpinn.data.rules import check_values
 from granpinn.data.schema import (
     DATASETS,
     FORMAT_NAME,
@@ -69,8 +69,6 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
         check_values(flow)
     except (FlowFileError, UnsafeFileError) as error:
         raise FlowFileError(f"{path}: {error}") from None
-    warn_of_zeros(flow)
-    warn_of_rounding(flow)
     return flow
 
 

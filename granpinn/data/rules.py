@@ -5,8 +5,6 @@ The rules for shapes and types are in `schema.py`.
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
@@ -18,7 +16,6 @@ from granpinn.data.flow import (
     SURFACE_SD,
     Flow,
     FlowFileError,
-    FlowFileWarning,
     Surface,
 )
 from granpinn.data.large import slabs
@@ -30,8 +27,6 @@ from granpinn.declared import checked
 
 # Volume fractions of a solver exceed 0..1 by rounding errors; a larger excess is a mistake.
 FRACTION_TOLERANCE = 1e-6
-# If the share of exact zeros among the vectors exceeds this, they are likely to be gaps.
-MAX_ZERO_SHARE = 0.005
 # Largest rounding of a coordinate, in units of its smallest step.
 LARGEST_ROUNDING = 0.01
 # Largest distance of surface points from the cell centers: part of their extent, or cells.
@@ -238,31 +233,3 @@ def _check_surface(flow: Flow, surface: Surface) -> None:
                 f"{values.min():g} to {values.max():g}: check its unit, or leave out the points "
                 "outside the grid"
             )
-
-
-def warn_of_zeros(flow: Flow) -> None:
-    """Warns if too many vectors among the grains are exactly zero after t = 0."""
-    later, n_valid, n_zero = flow.after_start(flow.t), 0, 0
-    for k in slabs(flow):
-        valid = flow.valid_in(k) & later[k, None, None]
-        n_valid += int(valid.sum())
-        n_zero += int((valid & (flow.u[k] == 0) & (flow.v[k] == 0)).sum())
-    if n_zero > MAX_ZERO_SHARE * n_valid:
-        warnings.warn(
-            f"{n_zero} of {n_valid} vectors among the grains are exactly zero: if there was no "
-            "valid vector, write NaN, because a zero looks like static grains",
-            FlowFileWarning,
-            stacklevel=3,
-        )
-
-
-def warn_of_rounding(flow: Flow) -> None:
-    """Warns of volume fractions above 1 by rounding errors, since they count as grains."""
-    above = sum(int((flow.c[k] > 1).sum()) for k in slabs(flow))
-    if above:
-        warnings.warn(
-            f"{above} values of c exceed 1 by rounding errors of at most {FRACTION_TOLERANCE:g}: "
-            "they count as 1",
-            FlowFileWarning,
-            stacklevel=3,
-        )

@@ -120,9 +120,8 @@ def initial_height(flow: Flow) -> float:
             "there sets the length scale"
         )
     h = flow.y[rows] if flow.periodic else flow.height(flow.x[columns], flow.y[rows])
-    spacing = [float(np.median(np.diff(axis))) for axis in (flow.x, flow.y)]
     if flow.periodic:
-        return float(h.max() - h.min()) + spacing[1]
+        return float(h.max() - h.min()) + flow.spacing[1]
     g = math.hypot(*flow.gravity)
-    cell = sum(abs(g_i) / g * d_i for g_i, d_i in zip(flow.gravity, spacing, strict=True))
+    cell = sum(abs(g_i) / g * d_i for g_i, d_i in zip(flow.gravity, flow.spacing, strict=True))
     return float(h.max() - h.min()) + cell

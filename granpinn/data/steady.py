@@ -163,7 +163,7 @@ def _standard_errors(sums: Float64, frames: int) -> tuple[float, float] | tuple[
 def _surface_stays(flow: Flow) -> bool:
     """Whether the free surface, or without a line the thickness of the grains, stays in place."""
     own = turned.upright(flow)
-    step, line = float(np.median(np.diff(own.y))), own.surface
+    step, line = own.spacing[1], own.surface
     if line is None:
         height = own.c.sum(axis=1, dtype=np.float64) * step
     else:

@@ -145,7 +145,8 @@ def surface_sd(flow: Flow, level: str) -> float:
         flow: as in its file, before partly filled cells count as full.
     """
     grain, cell = flow.grain_diameter, flow.stated(SOLVER_CELL)
-    between_rows = 0.0 if flow.particles is not None else HALF * spacing(flow)
+    coordinate, _ = vertical_coordinate(flow.gravity)
+    between_rows = 0.0 if flow.particles is not None else HALF * flow.spacing[coordinate]
     if level == "V0" or flow.surface is None:
         return 0.0 if cell is not None else max(HALF * grain, between_rows)
     if SURFACE_SD in flow.attributes:
@@ -164,18 +165,12 @@ def from_fraction(flow: Flow, surface: Surface) -> float:
 
     c is averaged over the line at every distance from it, so errors of single points cancel.
     """
-    h = spacing(flow)
+    h = flow.spacing[vertical_coordinate(flow.gravity)[0]]
     normals = outward_normals(flow, surface)
     across = np.arange(-REACH, REACH + STEP / 2, STEP)
     profile = np.array([_c_at(flow, surface, a * h * normals).mean() for a in across])
     falling = np.minimum.accumulate(profile)
     return abs(float(np.interp(HALF, falling[::-1], across[::-1]))) * h
-
-
-def spacing(flow: Flow) -> float:
-    """Distance of the vectors of a grid along the coordinate nearer to the vertical."""
-    axis = flow.x if vertical_coordinate(flow.gravity)[0] == 0 else flow.y
-    return float(np.median(np.diff(axis)))
 
 
 def _share_of_fractions(flow: Flow, surface: Surface) -> float:

@@ -55,7 +55,7 @@ def strip_of(points: Float64, surface: Float64, flow: Flow, scales: Scales) -> S
     Its points lie between a point of the surface and the vector nearest to it at the same time,
     with no wall between both.
     """
-    dx, dy = (float(np.median(np.diff(axis))) / scales.length for axis in (flow.x, flow.y))
+    dx, dy = (step / scales.length for step in flow.spacing)
     thickest = THICKEST * max(dx, dy)
     # Points that repeat share the width of their place.
     places, place, count = np.unique(surface, axis=0, return_inverse=True, return_counts=True)

@@ -120,4 +120,4 @@ def _is_uneven(flow: Flow) -> bool:
     n = np.bincount(time)
     mean = np.bincount(time, weights=surface.y) / n
     uneven = float(np.sqrt(np.mean(np.square(surface.y - mean[time]))))
-    return uneven > max(flow.grain_diameter, float(np.median(np.diff(flow.y))))
+    return uneven > max(flow.grain_diameter, flow.spacing[1])

@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow, FlowFileWarning
 from granpinn.data.partial_cells import filled_slabs
-from granpinn.data.walls import Segments, crossed, grid_spacing, samples, segments_of
+from granpinn.data.walls import Segments, crossed, samples, segments_of
 from granpinn.physics.terms import TERMS
 
 REACH = 1.5  # spacings from a wall to the nearest vector of grains that touch it
@@ -70,7 +70,7 @@ def _touch(whole: Flow, segments: Segments) -> Touch:
         frames = np.flatnonzero(flow.after_start(flow.t))
         for k, there in segments.spells(flow.t[frames]):
             blocks = np.split(frames[k], range(AT_ONCE, k.size, AT_ONCE))
-            parts += [_touch_in(flow, block, there, grid_spacing(flow)) for block in blocks]
+            parts += [_touch_in(flow, block, there, max(flow.spacing)) for block in blocks]
     return Touch(*map(np.concatenate, zip(*parts, strict=True)))
 
 

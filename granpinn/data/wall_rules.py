@@ -6,7 +6,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Flow, FlowFileError, Walls
-from granpinn.data.walls import grid_spacing, segments_of
+from granpinn.data.walls import segments_of
 
 # Farthest point of a wall from the grid, in units of the grid's extent: a wall may be much longer
 # than the picture, but one in other units is far away.
@@ -61,7 +61,7 @@ def _check_length(flow: Flow, walls: Walls) -> None:
     _, number = np.unique(segments.t[~stays], return_inverse=True)
     moving = np.bincount(number, segments.length[~stays], minlength=1)
     longest = float(segments.length[stays].sum() + moving.max())
-    spacing = grid_spacing(flow)
+    spacing = max(flow.spacing)
     if longest > MOST_POINTS * spacing:
         raise FlowFileError(
             f"wall_x and wall_y must be lines of at most {MOST_POINTS} times the grid spacing "

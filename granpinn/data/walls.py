@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index, nearest
-from granpinn.data.flow import Flow, Walls
+from granpinn.data.flow import Walls
 
 SMOOTH = 0.85  # cosine of the largest turn between segments of a curved wall
 PIECES = 2**21  # of all walls, about, at most
@@ -221,11 +221,6 @@ def parted(start: Float64, end: Float64, t: Float64, segments: Segments) -> Bool
 
 def _cross(a: Float64, b: Float64) -> Float64:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-
-
-def grid_spacing(flow: Flow) -> float:
-    """The larger one of the usual distances of columns and of rows."""
-    return max(float(np.median(np.diff(axis))) for axis in (flow.x, flow.y))
 
 
 def samples(segments: Segments, spacing: float) -> tuple[Index, Float64]:

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,7 +33,7 @@ import numpy as np
 
 from granpinn.arrays import Float64, Int8
 from granpinn.estimates.pairs import pair_noise
-from granpinn.estimates.robust import LEAST_CORRELATION, NORMAL, correlation, rms, signs_of, spread
+from granpinn.estimates.robust import LEAST_CORRELATION, NORMAL, correlation, robust_sd, signs_of
 from granpinn.estimates.view import View
 
 ORDER = 3
@@ -98,7 +99,7 @@ def of_pairs(found: Noise, t: Float64, x: Float64, y: Float64, u: Float64, v: Fl
     pairs = pair_noise(t, x, y, u, v)
     if pairs is None:
         return found
-    sigma = rms(pairs.u, pairs.v)
+    sigma = _rms([pairs.u, pairs.v])
     return dataclasses.replace(found, sigma=sigma, in_time=sigma, **vars(pairs))
 
 
@@ -127,13 +128,13 @@ def noise_map(view: View) -> Float64:
 
 
 def _spread(values: Float64, factor: float) -> float | None:
-    found = spread(values)
+    found = robust_sd(values)
     return None if found is None else found / factor
 
 
-def _rms(pair: list[float | None]) -> float | None:
+def _rms(pair: Sequence[float | None]) -> float | None:
     u, v = pair
-    return None if u is None or v is None else rms(u, v)
+    return None if u is None or v is None else math.sqrt((u * u + v * v) / 2)
 
 
 def _per_independent(differences: list[Float64]) -> float:

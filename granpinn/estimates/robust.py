@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from granpinn.arrays import Float64, Index, Int8
+from granpinn.arrays import Float64, Int8
 
 FEWEST = 50  # values below which there is no estimate
 NORMAL = 1.4826  # standard deviation over median absolute deviation of normal deviates
 LEAST_CORRELATION = 0.05  # below this it is scatter
 
 
-def spread(values: Float64) -> float | None:
+def robust_sd(values: Float64) -> float | None:
     """Standard deviation of the finite ones of normal deviates around 0; None if they are few."""
     finite = values[np.isfinite(values)]
     if finite.size < FEWEST:
@@ -36,22 +36,3 @@ def correlation(signs: Int8) -> float:
         return 0.0
     mean = int(signs.sum(dtype=np.int64)) / known
     return math.sin(math.pi / 2 * mean)
-
-
-def rms(u: float, v: float) -> float:
-    """Root mean square of two components."""
-    return math.sqrt((u * u + v * v) / 2)
-
-
-def quantiles(values: Float64, group: Index, count: int, q: float) -> Float64:
-    """The quantile q of the values [n] of each group [count], linear as in NumPy; 0 without any."""
-    order = np.lexsort((values, group))
-    ordered, edges = values[order], np.searchsorted(group[order], np.arange(count + 1))
-    full = np.flatnonzero(np.diff(edges))
-    place = q * (np.diff(edges)[full] - 1)
-    low = np.floor(place).astype(np.intp)
-    high = np.ceil(place).astype(np.intp)
-    a, b = ordered[edges[full] + low], ordered[edges[full] + high]
-    found = np.zeros(count)
-    found[full] = a + (b - a) * (place - low)
-    return found

@@ -96,10 +96,8 @@ def momentum_balance(
     rate = 2 * np.hypot(d_xx, d_xy)
     known = np.isfinite(a_x) & (rate > 0)
     nan = np.full_like(rate, np.nan)
-    n_xx, n_xy = (
-        nearest(np.divide(2 * d, rate, out=nan.copy(), where=known)) for d in (d_xx, d_xy)
-    )
-    gdot = nearest(rate)
+    n_xx, n_xy = (filled(np.divide(2 * d, rate, out=nan.copy(), where=known)) for d in (d_xx, d_xy))
+    gdot = filled(rate)
     full = known & (c > (FULL_ROW if flow.periodic else FULL))
     full &= below > max(SHALLOWEST[0] * flow.grain_diameter, SHALLOWEST[1] * dy)
     if not flow.periodic:
@@ -115,8 +113,8 @@ def momentum_balance(
     density = flow.density if flow.grain_density is None else flow.grain_density
     pressure, drag = _load(pose, n_xy[full], flow.density)
     lines = _Lines(
-        drag=drag - _integral(flow.density * (nearest(a_x) - flow.gravity[0]), below, dy),
-        weight=pressure + _integral(flow.density * (nearest(a_y) - flow.gravity[1]), below, dy),
+        drag=drag - _integral(flow.density * (filled(a_x) - flow.gravity[0]), below, dy),
+        weight=pressure + _integral(flow.density * (filled(a_y) - flow.gravity[1]), below, dy),
         hydrostatic=pressure - flow.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
         n_xx=n_xx,
         n_xy=n_xy,
@@ -124,7 +122,7 @@ def momentum_balance(
         below=below,
         full=full,
         spacing=(dy, dx),
-        side_walls=side_walls(flow, wall_friction, *map(nearest, v)),
+        side_walls=side_walls(flow, wall_friction, *map(filled, v)),
     )
     p, shear, used = lines.solve(I0)
     side = np.sign(n_xy)
@@ -306,17 +304,17 @@ def side_walls(
     return k * u / speed, k * v / speed
 
 
-def nearest(values: Float64) -> Float64:
+def filled(values: Float64) -> Float64:
     """Gaps filled with the nearest value below, above, to the left, to the right; else 0."""
-    filled = values
+    found = values
     for axis, order in ((1, 1), (1, -1), (2, 1), (2, -1)):
-        n = filled.shape[axis]
+        n = found.shape[axis]
         place = np.arange(n).reshape([n if a == axis else 1 for a in range(3)])
-        lines = np.flip(filled, axis) if order < 0 else filled
+        lines = np.flip(found, axis) if order < 0 else found
         last = np.maximum.accumulate(np.where(np.isfinite(lines), place, 0), axis=axis)
         lines = np.take_along_axis(lines, last, axis)
-        filled = np.flip(lines, axis) if order < 0 else lines
-    return np.nan_to_num(filled)
+        found = np.flip(lines, axis) if order < 0 else lines
+    return np.nan_to_num(found)
 
 
 def mean_along_x(values: Float64, there: Float64) -> Float64:

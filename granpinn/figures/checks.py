@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
@@ -31,24 +30,20 @@ def resimulation(curve: Curve, units: Units | None) -> Drawing:
     """Front, surface profiles and velocity error of a simulation against the data."""
     length = units.of("length") if units else None
     time = label("$t$", units.of("time") if units else None)
-    has_front = bool(np.isfinite(curve("front")).any())
-    figure = new_figure(7.2 if has_front else 2.6)
-    *above, error = figure.subplots(3 if has_front else 1, 1, squeeze=False)[:, 0]
-    if has_front:
-        _front_and_surface(above, curve, time, length)
+    figure = new_figure(7.2)
+    *above, error = figure.subplots(3, 1)
+    _front_and_surface(above, curve, time, length)
     error.plot(curve("t"), curve("velocity_percent"), color=ORANGE)
     error.set_ylim(bottom=0)
     error.set_xlabel(time)
     error.set_ylabel("velocity error [%]")
-    number = "(c) " if has_front else ""
-    error.set_title(f"{number}velocity, relative $L_2$ error over the common points")
+    error.set_title("(c) velocity, relative $L_2$ error over the common points")
     for axes in (*above, error):
         axes.grid(True)
-    start = "column" if has_front else "layer"
     return Drawing(
         figure,
-        f"The data against a simulation with the identified law, from the {start} "
-        "of the first frame.",
+        "The data against a simulation with the identified law, from the column of the first "
+        "frame.",
     )
 
 

@@ -33,7 +33,7 @@ from granpinn.data.scaling import scales_of
 from granpinn.data.steady import said
 from granpinn.data.surface import surface_sd
 from granpinn.data.surface_strip import LARGEST_PART
-from granpinn.data.walls import grid_spacing, segments_of
+from granpinn.data.walls import segments_of
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.inertia import inertial_numbers
 from granpinn.fit.scoring import strain_rate_of
@@ -234,7 +234,7 @@ def most_points(flow: Flow, share: float) -> int:
     between = round(share * vectors) if flow.particles is None else 0
     walls = 0
     if flow.walls is not None:
-        walls = int(segments_of(flow.walls).length.sum() / grid_spacing(flow)) * flow.t.size
+        walls = int(segments_of(flow.walls).length.sum() / max(flow.spacing)) * flow.t.size
     return round((1 + LARGEST_PART) * (vectors + between)) + walls
 
 

@@ -21,7 +21,7 @@ from granpinn.results.records import Assumed, Loss, Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars
-from granpinn.uncertainty.error_bars import center, nearest
+from granpinn.uncertainty.error_bars import center, most_central
 from granpinn.uncertainty.error_model import Known, Pair, ends_of
 
 
@@ -41,7 +41,7 @@ def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Me
         values={name: tuple(t[law.names.index(name)] for t in theta) for name in law.free},
         diverged=sum(first + k in run.trainer.diverged for k in places),
     )
-    shown = nearest(members, law)
+    shown = most_central(members, law)
     return dataclasses.replace(members, shown=shown), sound[shown]
 
 

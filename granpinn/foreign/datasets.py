@@ -1,11 +1,8 @@
-"""Data sets of netCDF and zarr, by xarray: version 3 with scipy, version 4, HDF5, with h5py."""
+"""Data sets of netCDF, by xarray: version 3 with scipy, version 4, HDF5, with h5py."""
 
 from __future__ import annotations
 
-import json
-import math
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +13,11 @@ import xarray
 from granpinn.arrays import plain_array
 from granpinn.foreign import hdf5
 from granpinn.foreign.program import Answer
-from granpinn.regular import UnsafeFileError, read_regular_file
+from granpinn.regular import UnsafeFileError
 
 LIBRARY = "xarray"
 # Attributes that change the meaning of the numbers, and the unit.
 DECODED = ("_FillValue", "missing_value", "scale_factor", "add_offset", "_Unsigned", "dtype")
-CODECS = ("bytes", "crc32c", "shuffle", "blosc", "gzip", "zlib", "zstd", "lz4")
-TYPES = re.compile(r"[<>|][fiub][1248]|bool|u?int(8|16|32|64)|float(16|32|64)")
-MAX_METADATA = 2**20
 _NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable."
 
 
@@ -62,9 +56,6 @@ def variables_of(data: xarray.Dataset, names: Sequence[str]) -> dict[str, dict[s
 
 
 def _opened(path: Path, answer: Answer, names: list[str]) -> Any:
-    if path.is_dir():
-        answer.require(sum(map(_declared_bytes, _documents(path))))
-        return xarray.open_zarr(path, decode_times=False, chunks=None, consolidated=False)
     if not h5py.is_hdf5(path):
         return xarray.open_dataset(path, engine="scipy", decode_times=False)
     with hdf5.opened(path) as file:
@@ -100,37 +91,3 @@ def _attributes(item: Any, names: tuple[str, ...]) -> dict[str, Any]:
     found = {name: item.attrs[name] for name in names if name in item.attrs}
     single = {name: np.ravel(value)[0] for name, value in found.items() if np.size(value) == 1}
     return found | single
-
-
-def _documents(folder: Path) -> Iterator[Path]:
-    """Metadata of all arrays of a zarr folder."""
-    for name in (".zarray", "zarr.json"):
-        yield from folder.rglob(name)
-
-
-def _declared_bytes(path: Path) -> int:
-    """Size of an array as float64, from its metadata.
-
-    Raises:
-        UnsafeFileError: its codecs or its type could run foreign code, such as pickle or objects.
-    """
-    document = json.loads(read_regular_file(path, MAX_METADATA))
-    second = path.name == ".zarray"
-    codecs = [*(document.get("filters") or []), *(document.get("codecs") or [])]
-    codecs += [document["compressor"]] if document.get("compressor") else []
-    for codec in codecs:
-        name = codec.get("id" if second else "name") if isinstance(codec, dict) else codec
-        if name not in CODECS:
-            raise UnsafeFileError(
-                f"codecs must be among {', '.join(CODECS)}, got {str(name)[:40]!r}: another codec "
-                "can run foreign code; write it again with one of these"
-            )
-    if not second and document.get("node_type") == "group":
-        return 0
-    kind = document.get("dtype" if second else "data_type")
-    if not isinstance(kind, str) or not TYPES.fullmatch(kind):
-        raise UnsafeFileError(
-            f"the type of {path.parent.name} must be a number type such as float64, got "
-            f"{str(kind)[:40]!r}: objects could run foreign code; write it again with plain numbers"
-        )
-    return 8 * int(math.prod(document.get("shape", [])))

@@ -267,21 +267,3 @@ def _unpacked(name: str, dataset: h5py.Dataset, array: npt.NDArray[Any] | None) 
         for _ in pool.map(unpack, places):
             pass
     return fill
-
-
-def check_all(path: Path) -> None:
-    """Refuses a file unless every dataset lies in it and holds what it declares."""
-    inside = (h5py.HardLink, h5py.SoftLink)  # a soft link leads to another name in the file
-    datasets: list[tuple[str, h5py.Dataset]] = []
-
-    def collect(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset):
-            datasets.append((name, item))
-
-    with opened(path) as file:
-        outside = file.visititems_links(lambda n, link: None if isinstance(link, inside) else n)
-        if outside is not None:
-            _require_inside(outside, h5l.TYPE_EXTERNAL)
-        file.visititems(collect)
-        for name, item in datasets:
-            values(name, own_dataset(name, item.id))

@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 import pyvista
 
-from granpinn.foreign import hdf5
 from granpinn.foreign.program import Answer
+from granpinn.regular import UnsafeFileError
 
 LIBRARY = "pyvista"
 VELOCITY = ("U", "velocity", "velocity_vectors", "u.x", "u", "Velocity", "v")
@@ -21,7 +21,7 @@ def read(path: Path, answer: Answer, velocity: str | None) -> list[dict[str, Any
     """For each time: `time`, `points` [n, 3], `velocity` [n, 2 or 3], and `scalars` [n] by name;
     `names` of all data if there is no velocity, or of all velocities if there are several."""
     if path.is_file() and h5py.is_hdf5(path):
-        hdf5.check_all(path)
+        raise UnsafeFileError("it is HDF5, which may name other files: save it as .vti or .vtu")
     names = [velocity] if velocity else VELOCITY
     return [_frame(t, mesh, names, answer) for t, mesh in _meshes(path)]
 

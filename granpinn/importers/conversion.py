@@ -24,7 +24,7 @@ from granpinn.importers.material import material_of, missing_constants
 from granpinn.importers.settings import SURFACES, Settings
 from granpinn.importers.source import Source, measured, selected_frames, vectors_of
 from granpinn.importers.statements import calibration, settled, warn_of_displacement
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields, warn_of_zeros
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 MENDED = 2.0  # spacings of a window that averaging mends (bench/studies/window)
 
@@ -57,7 +57,6 @@ def convert(
     if said := fields.facts.get(IMAGES_SAID):
         tell(said)
     whole, fields = fields, measured(fields, settings)
-    warn_of_zeros(fields)
     fields = selected_frames(fields, settings)
     missing = missing_units(fields, settings) + missing_constants(settings)
     if missing:

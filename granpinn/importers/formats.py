@@ -52,7 +52,7 @@ FORMATS = {
         "PIVlab .mat: frame, all frames or session", pivlab_mat.sniff, pivlab_mat.read
     ),
     "tracks": Format(
-        "tracks of particles, CSV or HDF5: trackpy, TrackMate, TracTrac, opyf",
+        "tracks of particles, a table: trackpy, TrackMate, TracTrac, opyf",
         tracks.sniff,
         tracks.read,
         ("window", "columns", "drop_duplicates"),
@@ -65,7 +65,7 @@ FORMATS = {
     "basilisk": Format("Basilisk output_field", basilisk.sniff, basilisk.read, ("names",)),
     "openpiv": Format("OpenPIV text", openpiv.sniff, openpiv.read),
     "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
-    "netcdf": Format("netCDF, zarr (needs xarray)", netcdf.sniff, netcdf.read),
+    "netcdf": Format("netCDF, as pivpy and xarray write it", netcdf.sniff, netcdf.read),
     "mesh": Format("VTK, OpenFOAM (needs pyvista)", meshes.sniff, meshes.read, ("names",)),
 }
 

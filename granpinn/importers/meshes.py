@@ -1,4 +1,4 @@
-"""VTK files (.vtk, .vti, .vtr, .vts, .vtu, .vtp, .pvd, .vtkhdf) and OpenFOAM, through pyvista.
+"""VTK files (.vtk, .vti, .vtr, .vts, .vtu, .vtp, .pvd) and OpenFOAM, through pyvista.
 
 Cells that form a full grid become a grid. Others, such as a quadtree, become scattered vectors at
 the cell centers. The velocity is a vector (U, velocity, velocity_vectors, u.x), the volume fraction
@@ -24,7 +24,7 @@ from granpinn.importers.vectors import DataFileError, Validity, VectorFields, ve
 FRACTION = re.compile(r"alpha\..*|f|c|phi|volume_fraction|VOF", re.IGNORECASE)
 PRESSURE = re.compile(r"p|pressure")
 _XML = (b"<?xml", b"<VTKFile")
-_SUFFIXES = (".vtk", ".vti", ".vtr", ".vts", ".vtu", ".vtp", ".pvd", ".pvtu", ".vtkhdf", ".foam")
+_SUFFIXES = (".vtk", ".vti", ".vtr", ".vts", ".vtu", ".vtp", ".pvd", ".pvtu", ".foam")
 _PIVLAB = re.compile(r"\[(px|m)/(frame|s)\]")
 
 
@@ -32,7 +32,7 @@ def sniff(path: Path, head: bytes) -> bool:
     """VTK by content, OpenFOAM by its folder or an empty .foam file in it."""
     if path.is_dir():
         return (path / "system" / "controlDict").is_file()
-    if path.suffix.lower() in (".foam", ".vtkhdf"):
+    if path.suffix.lower() == ".foam":
         return True
     vtk = head.startswith(b"# vtk DataFile") or (head.startswith(_XML) and b"<VTKFile" in head)
     return vtk and path.suffix.lower() in _SUFFIXES

@@ -1,8 +1,8 @@
-"""netCDF and zarr in the schema of pivpy: dimensions y, x, t; variables u, v, chc.
+"""netCDF in the schema of pivpy: dimensions y, x, t; variables u, v, chc.
 
 chc: 1 to 4 measured (number of the correlation peak), 5 and above interpolated, 0 nothing, below 0
 rejected; some writers put 0 into u and v there. Attributes: `units` of every variable, `delta_t`.
-This package adds c (volume fraction), p, sigma_u, sigma_v. Needs xarray.
+This package adds c (volume fraction), p, sigma_u, sigma_v.
 """
 
 from __future__ import annotations
@@ -14,11 +14,9 @@ import numpy as np
 
 from granpinn.arrays import Int8
 from granpinn.errors import BadInput
-from granpinn.foreign import installed
 from granpinn.importers.columns import Column, chosen, in_one_unit
 from granpinn.importers.gaps import GAPS, split_gaps
-from granpinn.importers.limits import file_bytes, read_file, require_room
-from granpinn.importers.mesh_files import check_folder
+from granpinn.importers.limits import read_file, require_room
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
 from granpinn.regular import UnsafeFileError
 
@@ -29,22 +27,14 @@ VARIABLES = ("x", "y", "t", "u", "v", "chc", *_EXTRAS)
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """netCDF-3, a HDF5 file named .nc or .netcdf, or a zarr folder."""
-    if path.is_dir():
-        return any((path / name).exists() for name in (".zgroup", ".zmetadata", "zarr.json"))
+    """netCDF-3, or a HDF5 file named .nc or .netcdf."""
     hdf5 = head.startswith(b"\x89HDF") and path.suffix.lower() in (".nc", ".nc4", ".netcdf", ".cdf")
     return hdf5 or head.startswith(b"CDF")
 
 
 def read(path: Path) -> VectorFields:
     """All frames of a data set."""
-    needed = ("xarray", "zarr") if path.is_dir() else ("xarray",)
-    if not all(map(installed, needed)):
-        raise DataFileError(
-            f"{path} is netCDF or zarr, which needs xarray: pip install 'granpinn[netcdf]'"
-        )
-    size = check_folder if path.is_dir() else file_bytes
-    found = read_file("datasets", path, size, names=VARIABLES)
+    found = read_file("datasets", path, names=VARIABLES)
     return _fields(str(path), found["variables"], found["delta_t"])
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from granpinn.importers.columns import TextTable, column
 from granpinn.importers.gaps import GAPS, split_gaps
-from granpinn.importers.limits import read_file
+from granpinn.importers.limits import hdf5_arrays
 from granpinn.importers.vectors import DataFileError, VectorFields, vector_fields
 
 _GRID = {"t": "coordinates/T", "y": "coordinates/Y", "x": "coordinates/X"}
@@ -34,17 +34,17 @@ def sniff(path: Path, head: bytes) -> bool:
         return False
     with suppress(DataFileError):
         on_grid, depths = [_GRID[name] for name in "tyx"], [_DEPTHS[name] for name in "tx"]
-        found = _arrays(path, *on_grid, *depths, "time")
+        found = hdf5_arrays(path, *on_grid, *depths, "time")
         if found.keys() >= {*on_grid} or found.keys() >= {*depths}:
             return True
         times = found.get("time", np.zeros(0)).reshape(-1)
-        return bool(times.size and _arrays(path, f"coordinates/{times.tolist()[0]}"))
+        return bool(times.size and hdf5_arrays(path, f"coordinates/{times.tolist()[0]}"))
     return False
 
 
 def read(path: Path) -> VectorFields:
     """All frames of a file."""
-    axes = _arrays(path, "time", _DEPTHS["t"])
+    axes = hdf5_arrays(path, "time", _DEPTHS["t"])
     if "time" in axes:
         return _scattered(path, axes["time"].reshape(-1))
     if _DEPTHS["t"] in axes:
@@ -88,7 +88,7 @@ def read_depths(path: Path) -> TextTable | None:
     None if the file holds something else than opyf's depths.
     """
     try:
-        found = _arrays(path, *_DEPTHS.values())
+        found = hdf5_arrays(path, *_DEPTHS.values())
     except DataFileError:
         return None
     if found.keys() != {*_DEPTHS.values()}:
@@ -107,14 +107,8 @@ def read_depths(path: Path) -> TextTable | None:
 
 def _required(path: Path, places: Mapping[str, str]) -> dict[str, Any]:
     """The arrays of these names, which must all be there."""
-    found = _arrays(path, *places.values())
+    found = hdf5_arrays(path, *places.values())
     for place in places.values():
         if place not in found:
             raise DataFileError(f"{path} must hold {place}, got no such dataset: export it again")
     return {name: found[place] for name, place in places.items()}
-
-
-def _arrays(path: Path, *places: str) -> dict[str, Any]:
-    """Those arrays of numbers that are there, as float64, by their places in the file."""
-    datasets = read_file("hdf5", path, names=[*places])["datasets"]
-    return {n: d["values"].astype(np.float64) for n, d in datasets.items() if "values" in d}

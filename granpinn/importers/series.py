@@ -79,7 +79,7 @@ def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
         path = Path(given)
         if len(os.fspath(given)) > MAX_PATH or "\0" in os.fspath(given):
             raise DataFileError(f"{str(given)[:60]}... is no path: name a file or a folder")
-        if path.is_dir() and not any(FORMATS[n].sniff(path, b"") for n in ("netcdf", "mesh")):
+        if path.is_dir() and not FORMATS["mesh"].sniff(path, b""):
             files = [p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")]
             kinds = sorted({file.suffix for file in files})
             if len(kinds) > 1:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
-from granpinn.config.fields import flag_of
+from granpinn.config.fields import flag_of, setting
 from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
 from granpinn.declared import require_fields
 from granpinn.importers import units
@@ -23,169 +23,177 @@ QUANTITIES = {
 }
 
 
-def _setting(default: Any, group: str, text: str) -> Any:
-    return field(default=default, metadata={"group": group, "help": text})
-
-
 @dataclass(frozen=True)
 class Settings:
     """Numbers with units are text, such as "0.12 mm/px"; None means not given."""
 
-    format: str = _setting("auto", "files", "format of the files, auto = from their content")
-    fields: str | None = _setting(
-        None, "files", "names of fields in simulation files, such as u=U,c=alpha.grains,p=p"
+    format: str = setting("auto", "format of the files, auto = from their content", group="files")
+    fields: str | None = setting(
+        None, "names of fields in simulation files, such as u=U,c=alpha.grains,p=p", group="files"
     )
-    columns: str | None = _setting(
+    columns: str | None = setting(
         None,
-        "files",
         "names of columns in a table of tracks that granpinn does not know, such as "
         "x=abscissa,y=height,t=time",
+        group="files",
     )
-    zeros: Literal["measured", "missing"] = _setting(
-        "measured", "files", "vectors that are exactly (0, 0): measured, or missing"
+    zeros: Literal["measured", "missing"] = setting(
+        "measured", "vectors that are exactly (0, 0): measured, or missing", group="files"
     )
-    drop_duplicates: bool = _setting(
-        False, "files", "keep the first of several rows of one particle in one frame"
+    drop_duplicates: bool = setting(
+        False, "keep the first of several rows of one particle in one frame", group="files"
     )
-    frames: str | None = _setting(
-        None, "files", "frames to use, FIRST:LAST:STEP counted from 0 (LAST not included)"
+    frames: str | None = setting(
+        None, "frames to use, FIRST:LAST:STEP counted from 0 (LAST not included)", group="files"
     )
-    keep_interpolated: bool = _setting(
-        False, "files", "use interpolated vectors as if they were measured"
+    keep_interpolated: bool = setting(
+        False, "use interpolated vectors as if they were measured", group="files"
     )
-    force: bool = _setting(
+    force: bool = setting(
         False,
-        "files",
         "write the flow file although a check calls it impossible; and where a flag contradicts a "
         "file, the flag holds",
+        group="files",
     )
-    track_window: int = _setting(
-        5, "files", "frames of the local polynomial that gives the velocity of a track; odd"
+    track_window: int = setting(
+        5, "frames of the local polynomial that gives the velocity of a track; odd", group="files"
     )
 
-    scale: str | None = _setting(
-        None, "calibration", "size of a pixel, '0.12 mm/px'; needed where lengths are in pixels"
-    )
-    frame_rate: str | None = _setting(
-        None, "calibration", "velocity fields per second, '500 Hz', or the time between two, '2 ms'"
-    )
-    pulse_delay: str | None = _setting(
+    scale: str | None = setting(
         None,
-        "calibration",
+        "size of a pixel, '0.12 mm/px'; needed where lengths are in pixels",
+        group="calibration",
+    )
+    frame_rate: str | None = setting(
+        None,
+        "velocity fields per second, '500 Hz', or the time between two, '2 ms'",
+        group="calibration",
+    )
+    pulse_delay: str | None = setting(
+        None,
         "time between the two images of a pair, of double frames; default 1 / frame rate",
+        group="calibration",
     )
-    start: str | None = _setting(
+    start: str | None = setting(
         None,
-        "calibration",
         "time of the first frame since the release of the grains, '4 ms'; "
         "default half a frame for fields between two images, 0 for tracks",
+        group="calibration",
     )
-    times: str | None = _setting(
+    times: str | None = setting(
         None,
-        "calibration",
         "file with one time per frame, first line such as 't [s]' or 'frame;t [ms]'; or "
         "'name': the last number in the name of each file",
+        group="calibration",
     )
-    length_unit: str | None = _setting(
-        None, "calibration", "unit of x and y, where the files do not say or say it wrong"
+    length_unit: str | None = setting(
+        None, "unit of x and y, where the files do not say or say it wrong", group="calibration"
     )
-    time_unit: str | None = _setting(None, "calibration", "unit of t, likewise")
-    velocity_unit: str | None = _setting(
-        None, "calibration", "unit of u and v, likewise; default length unit / time unit"
+    time_unit: str | None = setting(None, "unit of t, likewise", group="calibration")
+    velocity_unit: str | None = setting(
+        None, "unit of u and v, likewise; default length unit / time unit", group="calibration"
     )
-    window: str | None = _setting(
+    window: str | None = setting(
         None,
-        "calibration",
         "side of the interrogation windows of PIV, '32 px' (of the last pass): each vector is a "
         "mean over it, and so is then the velocity of the network",
+        group="calibration",
     )
-    dimensionless: bool = _setting(
-        False, "calibration", "the data have no units (simulations): give plain numbers everywhere"
+    dimensionless: bool = setting(
+        False,
+        "the data have no units (simulations): give plain numbers everywhere",
+        group="calibration",
     )
 
-    origin: str | None = _setting(
+    origin: str | None = setting(
         None,
-        "frame",
         "the point x,y in the coordinates of the files that becomes 0,0; default "
         "the lower left vector for images, else the origin of the files",
+        group="frame",
     )
-    flip_y: Literal["auto", "yes", "no"] = _setting(
-        "auto", "frame", "turn y and v around: yes, no, or auto = where y points down as in images"
+    flip_y: Literal["auto", "yes", "no"] = setting(
+        "auto",
+        "turn y and v around: yes, no, or auto = where y points down as in images",
+        group="frame",
     )
-    gravity: str = _setting("9.81 m/s^2", "frame", "strength of gravity; 1 if dimensionless")
-    tilt: str = _setting(
+    gravity: str = setting("9.81 m/s^2", "strength of gravity; 1 if dimensionless", group="frame")
+    tilt: str = setting(
         "0 deg",
-        "frame",
         "angle of a plumb line in the image: positive if its lower end is to the "
         "right of the upper one; rotates gravity, so a tilted camera or chute needs no rotation",
+        group="frame",
     )
 
-    steady: bool = _setting(
-        False, "flow", "the flow is steady: one frame, its mean over time, is enough"
+    steady: bool = setting(
+        False, "the flow is steady: one frame, its mean over time, is enough", group="flow"
     )
-    period_x: str | None = _setting(
+    period_x: str | None = setting(
         None,
-        "flow",
         "length of the period along x, '0.5 m', of periodic sides; of a uniform slope any length "
         "above that of the picture",
+        group="flow",
     )
 
-    grain_diameter: str | None = _setting(None, "material", "mean grain diameter, '0.8 mm'")
-    grain_density: str | None = _setting(
-        None, "material", "density of a grain, '2500 kg/m^3'; enters the inertial number"
+    grain_diameter: str | None = setting(None, "mean grain diameter, '0.8 mm'", group="material")
+    grain_density: str | None = setting(
+        None, "density of a grain, '2500 kg/m^3'; enters the inertial number", group="material"
     )
-    solid_fraction: float | None = _setting(
+    solid_fraction: float | None = setting(
         None,
-        "material",
         "volume of grains / volume, such as 0.6; bulk density = grain density x it",
+        group="material",
     )
-    density: str | None = _setting(
-        None, "material", "bulk density, '1500 kg/m^3', in place of the solid fraction"
+    density: str | None = setting(
+        None, "bulk density, '1500 kg/m^3', in place of the solid fraction", group="material"
     )
-    sigma: str | None = _setting(
-        None, "material", "standard deviation of u and of v, '0.1 px/frame'; default from the files"
+    sigma: str | None = setting(
+        None,
+        "standard deviation of u and of v, '0.1 px/frame'; default from the files",
+        group="material",
     )
 
-    mask: str | None = _setting(
-        None, "grains", "image, or pattern of one image per frame, black where there are no grains"
+    mask: str | None = setting(
+        None,
+        "image, or pattern of one image per frame, black where there are no grains",
+        group="grains",
     )
-    surface: str = _setting(
+    surface: str = setting(
         "auto",
-        "grains",
         "line of the free surface: mask, fraction, none, a CSV file with the "
         "columns t (or frame), x, y, or auto = from the fraction field or the mask, if any",
+        group="grains",
     )
-    walls: str | None = _setting(
+    walls: str | None = setting(
         None,
-        "grains",
         "CSV file of walls: columns x, y of points in order, nan between two pieces; if known t, "
         "u, v (motion of the wall), slip (0: grains move with the wall, 1: not), p and tau "
         "(normal and shear stress)",
+        group="grains",
     )
-    surface_sd: str | None = _setting(
+    surface_sd: str | None = setting(
         None,
-        "grains",
         "how well the line of the free surface is known, '0.4 mm': standard deviation of an offset "
         "of the whole line; default half a grain, or half a spacing where a mask gives the line",
+        group="grains",
     )
-    wall_gap: str | None = _setting(
+    wall_gap: str | None = setting(
         None,
-        "grains",
         "distance between the side walls, '20 mm'; their friction is then in the equations",
+        group="grains",
     )
-    grid_spacing_of_solver: str | None = _setting(
+    grid_spacing_of_solver: str | None = setting(
         None,
-        "grains",
         "cell of the solver, if a simulation made the data, '0.1 mm': shear bands are then as wide "
         "as its cells, and partly filled cells are kept",
+        group="grains",
     )
-    averaging_length_of_solver: str | None = _setting(
+    averaging_length_of_solver: str | None = setting(
         None,
-        "grains",
         "length of the mean strain rate in the friction law of the solver; default that of central "
         "differences, 0.82 cells",
+        group="grains",
     )
-    note: str | None = _setting(None, "grains", "text to keep in the file")
+    note: str | None = setting(None, "text to keep in the file", group="grains")
 
     @property
     def fewest_frames(self) -> int:

@@ -1,4 +1,4 @@
-"""Tables of tracked particles (PTV): text, and HDF5 of trackpy's PandasHDFStore and of TracTrac.
+"""Tables of tracked particles (PTV): text, and HDF5 of TracTrac.
 
 Columns by name, in any order, units in brackets if at all, such as `x [mm]`:
 
@@ -9,14 +9,12 @@ Columns by name, in any order, units in brackets if at all, such as `x [mm]`:
 - ep: trackpy's uncertainty of the position.
 
 trackpy counts in pixels and frames, with y down, and so does opyf (N, X, Y, Ux, Uy), with one file
-for every frame. TracTrac's velocities are those of its table, in pixels and frames. trackpy's HDF5
-is read without pandas, which would run foreign code to unpack the names of the columns.
+for every frame. TracTrac's velocities are those of its table, in pixels and frames.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +26,6 @@ from granpinn.importers.columns import (
     HEADER_LINES,
     NAMES,
     TextTable,
-    chosen,
     column,
     in_one_unit,
     layout_of,
@@ -36,7 +33,7 @@ from granpinn.importers.columns import (
     require,
     require_finite,
 )
-from granpinn.importers.limits import read_file
+from granpinn.importers.limits import hdf5_arrays
 from granpinn.importers.pivlab_text import FIRST_WORDS as PIVLAB
 from granpinn.importers.textfile import encoding_of
 from granpinn.importers.tracking import TrackMotion, counted, velocities
@@ -48,18 +45,18 @@ from granpinn.importers.vectors import (
     vector_fields,
 )
 
-TRACTRAC = ["frame", "x", "y", "u", "v"]
+TRACTRAC = ("Frame", "x", "u")  # [n], [n, 2], [n, 2]; its Id has 16 bits and repeats itself
 _OPYF = {"n", "x", "y", "ux", "uy"}  # of one frame, in pixels, y down
 _TRACKPY = {"mass", "ecc", "raw_mass", "signal", "size"}
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Names of x, y and frame or t, or opyf's, above numbers; or tables of particles in HDF5."""
+    """Names of x, y and frame or t, or opyf's, above numbers; or the arrays of TracTrac in HDF5."""
     if head.startswith(b"\x89HDF"):
-        hdf5 = path.suffix.lower() in (".h5", ".hdf5", ".hdf")
-        with suppress(DataFileError):
-            return hdf5 and bool(read_file("tracks", path, columns=False))
-        return False
+        try:
+            return hdf5_arrays(path, *TRACTRAC).keys() == {*TRACTRAC}
+        except DataFileError:
+            return False
     lines = head.decode(encoding_of(head), "replace").splitlines() or [""]
     if lines[0].lstrip("\ufeff# ").startswith(PIVLAB):
         return False
@@ -157,13 +154,12 @@ def _each_once(path: Path, columns: Mapping[str, Float64], drop: bool) -> dict[s
 
 
 def _read_hdf5(path: Path) -> TextTable:
-    stored = read_file("tracks", path)
-    if not stored:
-        raise DataFileError(f"{path} holds no tables of pandas: write it with PandasHDFStore")
-    named = [column(name) for name in stored]
-    places, stated = chosen(path, named, NAMES, ("x", "y"))
-    values = [*stored.values()]
-    columns = {role: values[i] for role, i in places.items()}
-    # TracTrac stores Frame, x [n, 2] and u [n, 2]; its Id has 16 bits and repeats itself.
-    comment = "TracTrac" if [*stored] == TRACTRAC else ""
-    return TextTable(columns, stated, tuple(named), comment=comment)
+    found = hdf5_arrays(path, *TRACTRAC)
+    frame, x, u = (found.get(name, np.empty(0)) for name in TRACTRAC)
+    if frame.ndim != 1 or not x.shape == u.shape == (*frame.shape, 2):
+        raise DataFileError(
+            f"{path} must hold Frame [n], x and u [n, 2] of TracTrac, got {list(frame.shape)}, "
+            f"{list(x.shape)} and {list(u.shape)}: write them again, or the table as CSV"
+        )
+    columns = {"frame": frame, "x": x[:, 0], "y": x[:, 1], "u": u[:, 0], "v": u[:, 1]}
+    return TextTable(columns, {}, tuple(map(column, columns)), comment="TracTrac")

@@ -1,15 +1,13 @@
 """Velocity vectors with their validity, in the units of the instrument: the result of every reader.
 
 Instruments mark invalid vectors in different ways, and a vector filled with 0 looks like static
-grains. So all readers use one enumeration, vectors that were not measured are NaN, and many exact
-zeros among the valid vectors cause a warning.
+grains. So all readers use one enumeration, and vectors that were not measured are NaN.
 """
 
 from __future__ import annotations
 
 import enum
 import math
-import warnings
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float64, Int8, plain_array
-from granpinn.data.flow import FlowFileWarning
 from granpinn.data.rules import FRACTION_TOLERANCE
 from granpinn.declared import require_fields
 from granpinn.errors import BadInput
@@ -29,8 +26,6 @@ MAX_FACT = 200  # characters
 MAX_MESSAGE = 600
 # The fact of vectors that are differences of positions in their file: their unit is length / time.
 TRACK_WINDOW = "track_window"
-# If the share of exact zeros among the valid vectors exceeds this, they are likely to be gaps.
-MAX_ZERO_SHARE = 0.005
 
 
 class DataFileError(BadInput):
@@ -230,18 +225,3 @@ def _ascending(fields: VectorFields) -> VectorFields:
     for name, values in fields.arrays().items():
         changes[name] = np.ascontiguousarray(values) if sorted_already else values[np.ix_(*orders)]
     return replace(fields, **changes)
-
-
-def warn_of_zeros(fields: VectorFields) -> None:
-    """Warns if too many of the valid vectors are exactly zero."""
-    usable = fields.usable
-    zero = usable & (fields.u == 0) & (fields.v == 0)
-    n_usable, n_zero = int(usable.sum()), int(zero.sum())
-    if n_zero > MAX_ZERO_SHARE * n_usable:
-        warnings.warn(
-            f"{n_zero} of {n_usable} valid vectors ({n_zero / n_usable:.1%}) are exactly zero: "
-            "grains at rest are seldom measured as exactly 0, but many programs write 0 where they "
-            "found no vector, which then looks like static grains; mask them or export NaN",
-            FlowFileWarning,
-            stacklevel=3,
-        )

@@ -18,7 +18,7 @@ import numpy as np
 from granpinn.arrays import Float64, Index
 from granpinn.config import SideWalls
 from granpinn.data import Flow, FlowFileError, FlowFileWarning
-from granpinn.data.large import middle, slabs
+from granpinn.data.large import runs, slabs
 from granpinn.data.scaling import initial_height, scales_of
 from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer, words
@@ -115,8 +115,8 @@ class Inspection:
 
     @cached_property
     def flow(self) -> Flow:
-        """The flow that is measured: one run of frames of a large flow, else all of it."""
-        return middle(self.whole)
+        """The flow that is measured: runs of frames of a large flow, else all of it."""
+        return runs(self.whole)
 
     @cached_property
     def scales(self) -> Scales:

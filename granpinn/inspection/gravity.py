@@ -16,7 +16,6 @@ r changes them by r^2.
   grains gain is a part of the work of gravity on them, $\int \rho\, g \cdot v$. With lengths or
   velocities in a wrong unit both sides change by different powers. 1.1 is improbable, 1.5
   impossible. Walls that move give energy: it is left out if the file states them.
-- **Height.** The center of mass of a closed flow with no moving walls never rises.
 - **Speed.** Grains that fall a height H reach sqrt(2 |g| H). Those at a front are pushed, and reach
   sqrt(4 |g| H) without friction (the dam break). Grains that enter the grid may have fallen
   farther: a chute may be far longer than the grid, but not fall from 10^4 times its height.
@@ -55,7 +54,6 @@ SLENDER, SLOW = 4.0, 0.7  # height over width; acceleration over the pull of gra
 SPREADS = 0.8  # height of a column at last over that at first
 GAINS, GAINS_TOO_MUCH = 1.1, 1.5
 RISE = 0.01  # of the height of the grains: less work against gravity shows nothing
-CENTER_RISES = 0.1  # of the height of the grains
 CLOSED_FAST, OPEN_FAST = (1.5, 5.0), (10.0, 100.0)  # speed over that of a free fall
 FASTEST = 0.99  # quantile of the speeds
 
@@ -135,8 +133,7 @@ class Gravity(Record):
         mass = of["mass"]
         fall = self.fall if mass.closed else None
         rules = _direction(fall), _size(fall), _gain(self.energy), self._slow(fall), _tilt(fall)
-        more = _rise(mass.rise) if mass.closed else None, self._speed(mass.closed)
-        return [slip for slip in (*rules, *more) if slip is not None][:1]
+        return [slip for slip in (*rules, self._speed(mass.closed)) if slip is not None][:1]
 
     def _slow(self, fall: Fall | None) -> Reason | None:
         """The top of a slender column that falls too slowly."""
@@ -223,17 +220,6 @@ def _tilt(fall: Fall | None) -> Reason | None:
     if fall is None or not fall.turned:
         return None
     return Reason(IMPROBABLE, f"the freely falling {fall.side} of the grains {fall.turned}: {TURN}")
-
-
-def _rise(rise: float) -> Reason | None:
-    """A center of mass that rises."""
-    if not rise > CENTER_RISES:
-        return None
-    text = (
-        f"the center of mass rises by {rise:.0%} of the height of the grains, and without moving "
-        "walls it can only fall: check the signs of gravity, y and v"
-    )
-    return Reason(IMPROBABLE, text)
 
 
 def _remedy(factor: float, bound: str) -> str:

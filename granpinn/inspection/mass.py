@@ -63,7 +63,6 @@ class Mass(Record):
         gradients: rms(v_y) / rms(u_x), if they are correlated.
         ratio: signed (integral of the mean velocity) / displacement of the center in x and y.
         closed: whether no grains cross the edges of the grid.
-        rise: height that the center gains, over the height of the grains.
         covered: share of the grains that have vectors.
         jump: the frame before the interval in which the center moves far more than its velocity,
             its time, and the way of the center over that of the velocity.
@@ -74,7 +73,6 @@ class Mass(Record):
     gradients: float | None
     ratio: tuple[float | None, float | None]
     closed: bool
-    rise: float
     covered: float
     jump: tuple[int, float, float] | None
 
@@ -163,17 +161,17 @@ def _grade(ratio: float) -> str:
 
 
 def make(inspection: Inspection) -> Mass:
-    flow, height = inspection.filmed, inspection.height
+    flow = inspection.filmed
     gridded = flow.particles is None
     frames, u, v = inspection.vectors
     swapped, mirrored, gradients = volume_of(flow, u, v)
-    ratio, closed, rise = center_of(flow, frames, u, v, height)
+    ratio, closed = center_of(flow, frames, u, v)
     if gridded and not (swapped or _follows(ratio)):
-        other, *_ = center_of(flow, frames, v, u, height)
+        other, _ = center_of(flow, frames, v, u)
         swapped = _follows(other) and not any(_beyond(r, CENTER_DIFFERS) for r in other if r)
     covered = float(np.isfinite(u).sum() / flow.c[frames].sum(dtype=np.float64))
     jump = jump_of(flow, inspection.body) if gridded and closed else None
-    return Mass(swapped, mirrored, gradients, ratio, closed, rise, covered, jump)
+    return Mass(swapped, mirrored, gradients, ratio, closed, covered, jump)
 
 
 def _follows(ratio: tuple[float | None, float | None]) -> bool:
@@ -238,9 +236,9 @@ def _block(there: Bool, *gradients: Float64) -> list[float]:
 
 
 def center_of(
-    flow: Flow, frames: Index, u: Float64, v: Float64, height: float
-) -> tuple[tuple[float | None, float | None], bool, float]:
-    """`ratio`, `closed` and `rise` of `Mass`: the center of mass against the mean velocity.
+    flow: Flow, frames: Index, u: Float64, v: Float64
+) -> tuple[tuple[float | None, float | None], bool]:
+    """`ratio` and `closed` of `Mass`: the center of mass against the mean velocity.
 
     Args:
         u, v: velocity of the frames [K, Y, X], NaN where there is no vector.
@@ -265,9 +263,7 @@ def center_of(
         closed.append(shut)
         moves = shut and np.mean(mean**2) > MOVES**2 * square
         ratios.append(_ratio(np.diff(place), _integrals(mean, t)) if moves else None)
-    levels = flow.height(*places)
-    rise = float(levels[-1] - levels[0]) / height
-    return (ratios[0], ratios[1]), all(closed), rise
+    return (ratios[0], ratios[1]), all(closed)
 
 
 def _integrals(mean: Float64, t: Float64) -> Float64:

@@ -32,7 +32,7 @@ from granpinn.data import Flow, add_noise
 from granpinn.data.flow import WALL_GAP
 from granpinn.data.noise import max_speed
 from granpinn.estimates.hanging import hanging
-from granpinn.estimates.robust import spread
+from granpinn.estimates.robust import robust_sd
 from granpinn.estimates.stress import Stress, momentum_balance
 from granpinn.estimates.upright import upright
 from granpinn.inspection import Inspection
@@ -215,7 +215,7 @@ def _noise_of_friction(stress: Stress, noisier: Stress | str) -> float:
         return 0.0
     both = stress.used & noisier.used
     change = noisier.shear[both] / noisier.normal[both] - stress.shear[both] / stress.normal[both]
-    return spread(change) or np.inf
+    return robust_sd(change) or np.inf
 
 
 class _Cells:

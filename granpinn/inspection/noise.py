@@ -47,10 +47,11 @@ class MeasuredNoise(Noise, Record):
             return "unknown: too few vectors"
         if self.relative is None:
             return "none: nothing moves"
+        fastest = f"{self.speed:.3g}{self.unit}"
         if self.negligible:
-            return f"below {NEGLIGIBLE_NOISE:.2%} of the largest speed"
-        text = f"{self.sigma:.3g}{self.unit} per component of a typical vector = "
-        text += f"{self.relative:.2%} of the largest speed"
+            return f"below {NEGLIGIBLE_NOISE:.2%} of the largest speed, {fastest}"
+        text = f"{self.sigma:.3g}{self.unit} per component = "
+        text += f"{self.relative:.2%} of the largest speed, {fastest}"
         if self.vectors_per_independent > 1.5:
             text += f"; {self.vectors_per_independent:.1f} neighbors share one error"
         if self.stated is not None:

@@ -8,6 +8,7 @@ The bounds are wide: no sound file of any study comes near them.
 - A measured velocity has an error between 1e-6 times the largest speed and that speed.
 - A pressure or a stress is at most some times the weight of the grains.
 - Vectors are multiples of one number only where a program has rounded them.
+- Vectors are seldom exactly zero; programs write 0 where they find no vector.
 - A steady layer that is the same at every x flows under a free surface only down a slope.
 
 Sizes have the bounds of any laboratory and field, with margins:
@@ -43,6 +44,7 @@ SECONDS = {"s": 1.0, "ms": 1e-3}
 COARSE, UNSURE = 0.5, 0.3  # cell of the solver and error of the line, over the height
 MONOLAYER = 0.9  # distance of side walls over the grain diameter
 LONG = 1000.0  # period over the width of the grid
+MOST_ZEROS = 0.005  # share of the vectors after the start that are exactly zero
 EXACT = 1e-6  # error of a velocity over the largest speed
 HEAVY, TOO_HEAVY = 1e3, 1e6  # stress over the weight of the grains
 LEVEL = 0.01  # component of gravity along x, over gravity
@@ -62,8 +64,9 @@ class Statements(Record):
 
 def make(inspection: Inspection) -> Statements:
     flow, speeds = inspection.filmed, inspection.speeds
+    u, v = _vectors(flow)
     found = [*_sizes(flow), *_lengths(flow), *_errors(flow, speeds), *_line(flow)]
-    found += [*_stresses(flow), *_level(flow, speeds), *_alike(flow)]
+    found += [*_stresses(flow), *_level(flow, u, speeds), *_alike(u, v), *_zeros(u, v)]
     return Statements((*found, *_locked(flow, speeds)))
 
 
@@ -127,9 +130,9 @@ def _line(flow: Flow) -> list[Reason]:
     if flow.surface is None:
         return []
     upright, _ = vertical_coordinate(flow.gravity)
-    axis, place = (flow.x, flow.surface.x) if upright else (flow.y, flow.surface.y)
+    place = flow.surface.x if upright else flow.surface.y
     columns = int((flow.c[0] >= 1).any(axis=0 if upright else 1).sum())
-    if columns < FEWEST or np.ptp(place) >= float(np.median(np.diff(axis))):
+    if columns < FEWEST or np.ptp(place) >= flow.spacing[0 if upright else 1]:
         return []
     text = (
         f"all points of the free surface lie within one of {columns} columns of grains, at "
@@ -155,13 +158,12 @@ def _stresses(flow: Flow) -> list[Reason]:
     return found
 
 
-def _level(flow: Flow, speeds: Float64) -> list[Reason]:
+def _level(flow: Flow, u: Floats, speeds: Float64) -> list[Reason]:
     """A steady layer under a free surface that nothing drives along x; a plate may drive others."""
     moves = flow.walls is not None and flow.walls.u is not None and bool(np.any(flow.walls.u))
     layer = flow.steady and flow.periodic and flow.surface is not None
     if not layer or moves or flow.source is not None:
         return []
-    u, _ = _vectors(flow)
     along = abs(float(np.mean(u, dtype=np.float64))) if u.size else 0.0
     g_x, g_y = flow.gravity
     if along <= ONE_WAY * float(speeds.mean()) or abs(g_x) > LEVEL * math.hypot(g_x, g_y):
@@ -173,9 +175,8 @@ def _level(flow: Flow, speeds: Float64) -> list[Reason]:
     return [Reason(IMPROBABLE, text)]
 
 
-def _alike(flow: Flow) -> list[Reason]:
+def _alike(u: Floats, v: Floats) -> list[Reason]:
     """Grains that move as one body."""
-    u, v = _vectors(flow)
     size = float(np.hypot(u, v).max(initial=0.0))
     if size == 0 or max(float(np.ptp(u)), float(np.ptp(v))) > EXACT * size:
         return []
@@ -184,6 +185,18 @@ def _alike(flow: Flow) -> list[Reason]:
         "of their friction: check u and v"
     )
     return [Reason(IMPOSSIBLE, text)]
+
+
+def _zeros(u: Floats, v: Floats) -> list[Reason]:
+    """Gaps that look like grains at rest."""
+    zeros = int(((u == 0) & (v == 0)).sum())
+    if zeros <= MOST_ZEROS * u.size:
+        return []
+    text = (
+        f"{zeros} of {u.size} vectors are exactly zero: if there was no vector, write NaN "
+        "(convert: --zeros missing), because a zero looks like grains at rest"
+    )
+    return [Reason(UNUSUAL, text)]
 
 
 def _locked(flow: Flow, speeds: Float64) -> list[Reason]:
@@ -202,11 +215,13 @@ def _locked(flow: Flow, speeds: Float64) -> list[Reason]:
 
 
 def _vectors(flow: Flow) -> tuple[Floats, Floats]:
-    """u and v of the vectors, of a large flow in some of its frames."""
+    """u and v of the vectors after the start, of a large flow in some of its frames."""
     if flow.particles is not None:
-        return flow.particles.u, flow.particles.v
+        later = flow.after_start(flow.particles.t)
+        return flow.particles.u[later], flow.particles.v[later]
     some = spread(flow)
-    return some.u[some.valid], some.v[some.valid]
+    there = some.valid & some.after_start(some.t)[:, None, None]
+    return some.u[there], some.v[there]
 
 
 CHECK = Check("statements", Statements, make, seconds=0.11)

@@ -2,13 +2,12 @@
 
 from granpinn.simulation.chute import Chute
 from granpinn.simulation.engine import Engine, SimulationError, State, StepReport
-from granpinn.simulation.parameters import PAPER_CASES, Collapse
+from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.run import demo_path, simulate
 from granpinn.simulation.scene import Scene
 from granpinn.simulation.silo import Silo
 
 __all__ = [
-    "PAPER_CASES",
     "Chute",
     "Collapse",
     "Engine",

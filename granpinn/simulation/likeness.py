@@ -1,32 +1,27 @@
 """The scene of the simulator that is like a measured flow, with a given law.
 
 The simulator starts from the grains of the first frame, with the gravity, density and grain
-diameter of the flow file. It can start only from rest: from a column in the lower left corner of a
-box, or from an even layer on a slope with periodic sides, of which it computes a few columns. Its
-grains touch a floor at y = 0 and, without periodic sides, walls at x = 0 and at the width of the
-box, all at rest. Other flows have the reason instead.
+diameter of the flow file. It can start only from rest, from a column in the lower left corner of a
+box. Its grains touch a floor at y = 0 and walls at x = 0 and at the width of the box, all at rest.
+Other flows have the reason instead. An even layer on a slope needs no simulation: the momentum
+balance gives its pressure.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float32, Float64, Floats
+from granpinn.arrays import Bool, Float64
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.data.flow import SOLVER_CELL, WALL_GAP
-from granpinn.data.surface import line_heights
-from granpinn.data.symmetry import same_along_x
 from granpinn.data.walls import segments_of
 from granpinn.physics.laws import FrictionLaw
-from granpinn.simulation import chute, parameters
-from granpinn.simulation.chute import Chute
-from granpinn.simulation.parameters import Collapse
+from granpinn.simulation.parameters import FEWEST_CELLS, Collapse
 from granpinn.simulation.scene import CELLS_MULTIPLE, law_settings
 
 NEAR = 0.5  # spacings between a wall of the file and one of the simulator
@@ -34,11 +29,11 @@ LEAST_FILLED = 0.95  # share of the rectangle around the first frame's grains
 LATEST_START = 0.1  # of the time in which the grains flow: latest time of the first frame
 AT_REST = 0.02  # of sqrt(|g| H)
 MORE_THAN_FREE_FALL = 1.5
-FEWEST_ROWS, MOST_ROWS = 32, 128  # cells across a layer, unless the settings have a number
 # The largest simulations that a flow file may ask for: wrong units must not take days.
 MOST_CELLS = 512  # across the box, unless the settings have a number
 LARGEST_AREA = 3  # largest number of cells of a box, in squares of so many across
 MOST_STEPS = 100_000  # of the largest length; the paper's collapse has 500
+PERIODIC = "the sides are periodic, and the simulator has walls there"
 STEADY = "the flow is steady, and the simulator has only grains that start from rest"
 CORNER = "do not stand in the corner of wall and floor, which the simulator has at x = 0 and y = 0"
 
@@ -63,22 +58,18 @@ def scene_of(
     theta: Sequence[float],
     cells: int | None = None,
     wall_friction: float | None = None,
-) -> tuple[Collapse | Chute, GrainColumn | float] | str:
-    """The scene of a flow with its column or the depth of its layer, or why there is none.
+) -> tuple[Collapse, GrainColumn] | str:
+    """The scene of a flow and its column, or why there is none.
 
     Args:
         flow: as `symmetry.with_layer` gives it.
         theta, cells, wall_friction: as in `collapse_of`.
     """
-    begin_with = initial_depth(flow) if flow.periodic else initial_column(flow)
-    if isinstance(begin_with, str):
-        return begin_with
-    scene: Collapse | Chute
+    column = initial_column(flow)
+    if isinstance(column, str):
+        return column
     try:
-        if isinstance(begin_with, GrainColumn):
-            scene = collapse_of(flow, begin_with, law, theta, cells, wall_friction)
-        else:
-            scene = chute_of(flow, begin_with, law, theta, cells, wall_friction)
+        scene = collapse_of(flow, column, law, theta, cells, wall_friction)
         assert scene.t_end is not None
         steps = scene.t_end / scene.largest_step
         if not steps <= MOST_STEPS:
@@ -89,18 +80,23 @@ def scene_of(
             )
     except ConfigError as error:
         return str(error)
-    return scene, begin_with
+    return scene, column
+
+
+def unlike(flow: Flow) -> str | None:
+    """Why the simulator cannot have a flow, whatever its grains; None if it may."""
+    if flow.periodic:
+        return PERIODIC
+    return STEADY if flow.steady else foreign_wall(flow)
 
 
 def initial_column(flow: Flow) -> GrainColumn | str:
     """The column at the start of a flow, or the reason why there is none."""
-    if flow.steady:
-        return STEADY
+    if objection := unlike(flow):
+        return objection
     full = flow.c[0] >= 0.5
     if not full.any():
         return "the first frame holds no grains"
-    if objection := foreign_wall(flow, box_of(flow)):
-        return objection
     if not in_corner(flow, 0):
         return f"the grains of the first frame {CORNER}"
     measured = extent(flow, full)
@@ -110,37 +106,24 @@ def initial_column(flow: Flow) -> GrainColumn | str:
             f"the first frame is not a column: its grains fill {100 * filled:.0f} % of the "
             f"rectangle around them, at least {100 * LEAST_FILLED:.0f} % are expected"
         )
-    g = math.hypot(*flow.gravity)
-    if objection := not_from_rest(flow, measured.height, math.sqrt(measured.height / g)):
+    if objection := not_from_rest(flow, measured.height):
         return objection
     lengths = []
     # A length in the file holds if it agrees with the first frame.
-    for name, length, spacing in zip(GrainColumn._fields, measured, spacings(flow), strict=True):
+    for name, length, spacing in zip(GrainColumn._fields, measured, flow.spacing, strict=True):
         stated = flow.stated(f"column_{name}")
         agrees = stated is not None and abs(stated - length) <= spacing
         lengths.append(stated if stated is not None and agrees else length)
     return GrainColumn(*lengths)
 
 
-def initial_depth(flow: Flow) -> float | str:
-    """The depth of a layer at the start of a flow, or the reason why there is none."""
-    if flow.steady:
-        return STEADY
-    if objection := not_a_layer(flow):
-        return objection
-    depth = depth_of(flow, 0)
-    # A layer takes H/d times longer to flow than a column.
-    usual = depth / flow.grain_diameter * math.sqrt(depth / math.hypot(*flow.gravity))
-    return not_from_rest(flow, depth, usual) or depth
-
-
-def not_from_rest(flow: Flow, height: float, usual: float) -> str | None:
+def not_from_rest(flow: Flow, height: float) -> str | None:
     """Why the first frame does not follow a release at t = 0 of grains of some height, or None.
 
-    `usual` is the time in which such grains flow; the first frame is in a tenth of it.
+    The first frame is in a tenth of the time in which such grains flow.
     """
     g, start = math.hypot(*flow.gravity), float(flow.t[0])
-    if not 0 <= start <= LATEST_START * usual:
+    if not 0 <= start <= LATEST_START * math.sqrt(height / g):
         return (
             f"the first frame is not the start: its time is {start:.3g}, and the simulator "
             f"releases grains at rest at 0"
@@ -155,42 +138,22 @@ def not_from_rest(flow: Flow, height: float, usual: float) -> str | None:
     return None
 
 
-def not_a_layer(flow: Flow) -> str | None:
-    """Why the simulator cannot have a flow with periodic sides; None if it may."""
-    if objection := foreign_wall(flow, None):
-        return objection
-    g_x, g_y = flow.gravity
-    if not 0 <= g_x <= -g_y * math.tan(math.radians(chute.STEEPEST)):
-        return (
-            f"gravity is ({g_x:g}, {g_y:g}), and a chute of the simulator descends along x, by at "
-            f"most {chute.STEEPEST:g} degrees"
-        )
-    if flow.particles is not None or not same_along_x(flow):
-        return "the flow changes along x, and a layer of the simulator is even"
-    if abs(flow.y[0]) > spacings(flow)[1]:
-        return "the grains do not lie on the floor that the simulator has at y = 0"
-    return None
-
-
-def foreign_wall(flow: Flow, box_width: float | None) -> str | None:
+def foreign_wall(flow: Flow) -> str | None:
     """Why the walls or forces of a flow are not those of the simulator; None if they are.
 
     Every stated wall must be one of the simulator, and a stated floor must reach as far as the
     grains: beside it may be an opening. A flow without walls fits; one with a source term does not.
-
-    Args:
-        box_width: of the box in the file, None if it states none.
     """
     if flow.source is not None:
         return "the flow has a source of momentum, which the simulator does not have"
     if flow.walls is None:
         return None
     walls = segments_of(flow.walls)
-    dx, dy = spacings(flow)
+    dx, dy = flow.spacing
     x, y = walls.ends[..., 0], walls.ends[..., 1]
     known = (np.abs(y) <= NEAR * dy).all(axis=1)
     floor = known
-    for place in (0.0, box_width):
+    for place in (0.0, box_of(flow)):
         if place is not None:
             known = known | (np.abs(x - place) <= NEAR * dx).all(axis=1)
     still = (walls.velocity == 0).all(axis=(1, 2))
@@ -209,36 +172,23 @@ def foreign_wall(flow: Flow, box_width: float | None) -> str | None:
     )
 
 
-def spacings(flow: Flow) -> tuple[float, float]:
-    """Spacings of the grid along x and y."""
-    return float(np.median(np.diff(flow.x))), float(np.median(np.diff(flow.y)))
-
-
 def in_corner(flow: Flow, k: int) -> bool:
     """Whether the grains of frame k touch the wall and the floor of the simulator."""
-    dx, dy = spacings(flow)
+    dx, dy = flow.spacing
     return bool(abs(flow.x[0]) <= dx and abs(flow.y[0]) <= dy and flow.c[k, 0, 0] >= 0.5)
 
 
 def extent(flow: Flow, full: Bool) -> GrainColumn:
     """The rectangle from the corner around the grains of a frame, `full` [Y, X]."""
-    dx, dy = spacings(flow)
+    dx, dy = flow.spacing
     row, column = (int(np.flatnonzero(full.any(axis=k)).max()) for k in (1, 0))
     return GrainColumn(float(flow.x[column]) + dx / 2, float(flow.y[row]) + dy / 2)
 
 
 def heights(flow: Flow) -> Float64:
     """How thick the grains lie at every x [T, X]."""
-    thick: Float64 = flow.c.sum(axis=1, dtype=np.float64) * spacings(flow)[1]
+    thick: Float64 = flow.c.sum(axis=1, dtype=np.float64) * flow.spacing[1]
     return thick
-
-
-def depth_of(flow: Flow, k: int) -> float:
-    """The thickness of the layer in frame k, from the surface line if there is one."""
-    if flow.surface is None:
-        return float(heights(flow)[k].mean())
-    s = flow.surface
-    return float(np.nanmean(line_heights(flow.t[k : k + 1], flow.x, s)))
 
 
 def box_of(flow: Flow) -> float | None:
@@ -253,9 +203,9 @@ def _box_width(flow: Flow, column: GrainColumn) -> float:
 
 def cells_of(flow: Flow, column: GrainColumn) -> int:
     """Cells across the box by the grid of the solver that made the data, else by the data grid."""
-    spacing = flow.stated(SOLVER_CELL) or spacings(flow)[0]
+    spacing = flow.stated(SOLVER_CELL) or flow.spacing[0]
     wanted = min(_box_width(flow, column) / spacing, MOST_CELLS)  # before an infinity is rounded
-    return max(CELLS_MULTIPLE * round(wanted / CELLS_MULTIPLE), parameters.FEWEST_CELLS)
+    return max(CELLS_MULTIPLE * round(wanted / CELLS_MULTIPLE), FEWEST_CELLS)
 
 
 def collapse_of(
@@ -270,20 +220,32 @@ def collapse_of(
 
     Args:
         theta: parameters of the law, in its order.
-        cells: across the box or the layer; None for the grid of the solver that made the data, or
-            of the data.
+        cells: across the box; None for the grid of the solver that made the data, or of the data.
         wall_friction: of side walls, if the flow states their distance; None: the usual one.
 
     Raises:
         ConfigError: they are invalid, or the box in the file is absurdly large beside its grains.
     """
-    width, dx = _box_width(flow, column), spacings(flow)[0]
+    width, dx = _box_width(flow, column), flow.spacing[0]
     height = flow.stated("box_height") or flow.stated("domain_size") or 1.2 * column.height
     most = LARGEST_AREA * max(MOST_CELLS, cells or 0) ** 2
     cells = cells_of(flow, column) if cells is None else cells
     narrow = min(column) / (width / cells)
+    gap = flow.stated(WALL_GAP)
+    # The simulator has one density, so the grain density in the inertial number is a factor of d.
+    denser = (flow.grain_density or flow.density) / flow.density
     collapse = Collapse(
-        **_material(flow, law, theta, wall_friction),
+        **law_settings(law, theta, flow.stated("cohesion")),
+        d=flow.grain_diameter * math.sqrt(denser),
+        density=flow.density,
+        eta_min=flow.eta_min or None,
+        eta_max=flow.eta_max or None,
+        air_density=flow.stated("air_density"),
+        air_viscosity=flow.stated("air_viscosity"),
+        wall_gap=gap,
+        wall_friction=None if gap is None else wall_friction,
+        length_unit=flow.length_unit,
+        time_unit=flow.time_unit,
         height=column.height,
         aspect=column.height / column.width,
         gravity=flow.gravity,
@@ -303,63 +265,6 @@ def collapse_of(
             f"most {most} are allowed: state box_width and box_height in the unit of x and y"
         )
     return collapse
-
-
-def chute_of(
-    flow: Flow,
-    depth: float,
-    law: FrictionLaw,
-    theta: Sequence[float],
-    cells: int | None,
-    wall_friction: float | None = None,
-) -> Chute:
-    """The same for a layer of some depth; arguments and errors as for `collapse_of`."""
-    g_x, g_y = flow.gravity
-    solver = flow.stated(SOLVER_CELL)
-    own = depth / solver if solver else max(depth / spacings(flow)[1], FEWEST_ROWS)
-    wanted = min(own, MOST_ROWS) if cells is None else cells
-    last = float(flow.t[-1])
-    return Chute(
-        **_material(flow, law, theta, wall_friction),
-        height=depth,
-        slope=math.degrees(math.atan2(g_x, -g_y)),
-        g=math.hypot(g_x, g_y),
-        cells=max(round(wanted), chute.FEWEST_CELLS),
-        t_end=last if last > 0 else None,
-        frames=max(len(flow.t), 2),
-    )
-
-
-def _material(
-    flow: Flow, law: FrictionLaw, theta: Sequence[float], wall_friction: float | None
-) -> dict[str, Any]:
-    """Law, grains, air, side walls and units, as the fields of a scene."""
-    # The simulator has one density, so the grain density in the inertial number is a factor of d.
-    denser = (flow.grain_density or flow.density) / flow.density
-    gap = flow.stated(WALL_GAP)
-    return law_settings(law, theta, flow.stated("cohesion")) | {
-        "d": flow.grain_diameter * math.sqrt(denser),
-        "density": flow.density,
-        "eta_min": flow.eta_min or None,
-        "eta_max": flow.eta_max or None,
-        "air_density": flow.stated("air_density"),
-        "air_viscosity": flow.stated("air_viscosity"),
-        "wall_gap": gap,
-        "wall_friction": None if gap is None else wall_friction,
-        "length_unit": flow.length_unit,
-        "time_unit": flow.time_unit,
-    }
-
-
-def spread(simulated: Flow, x: Float64) -> Flow:
-    """A simulated layer at other places x along the slope: the mean of its columns."""
-
-    def at(values: Floats) -> Float32:
-        mean = values.mean(axis=2, keepdims=True)
-        return np.repeat(mean, len(x), axis=2).astype(np.float32)
-
-    u, v, c = at(simulated.u), at(simulated.v), at(simulated.c)
-    return replace(simulated, x=x, u=u, v=v, c=c, p=None, surface=None)
 
 
 def interpolation(source: Flow | Nodes, target: Flow | Nodes) -> Callable[[Any], Float64]:

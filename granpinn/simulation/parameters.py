@@ -12,9 +12,6 @@ from granpinn.arrays import Float64
 from granpinn.config import ConfigError, setting
 from granpinn.simulation.scene import CELLS_MULTIPLE, MOST_CELLS, SIZE, Scene, chunk_of, filled
 
-# (mu_s, mu_2) of mu(I) in the six regimes of the paper's figure 3.
-PAPER_CASES = ((0.2, 0.32), (0.2, 0.44), (0.4, 0.52), (0.4, 0.64), (0.6, 0.72), (0.6, 0.84))
-
 FEWEST_CELLS = 32
 FEWEST_CELLS_OF_COLUMN = 4
 

@@ -57,7 +57,7 @@ def center(members: Members, law: FrictionLaw = DEFAULT) -> tuple[float, ...]:
     return tuple(found)
 
 
-def nearest(members: Members, law: FrictionLaw) -> int:
+def most_central(members: Members, law: FrictionLaw) -> int:
     """Index of the member that is nearest to the center.
 
     The distance is relative to the first parameter of the center, and of a cohesion, which has

@@ -14,8 +14,8 @@ from granpinn.checks.comparison_of_laws import (
     LawComparison,
     cohesive_law,
     compared,
+    fit_to_curve,
     knots,
-    nearest,
     with_cohesion,
 )
 from granpinn.physics.laws import LAWS, free
@@ -87,7 +87,7 @@ def test_mu_of_i_excludes_a_constant_friction(I0: float) -> None:
 def test_a_fit_has_its_curve_at_other_inertial_numbers() -> None:
     at = knots(ENDS)
     m = LAWS["mu_of_i"].friction(at, 0.38, 0.64, 0.3)
-    fit = nearest(LAWS["mu_of_i"], {}, I, at, m, np.eye(N) / SD)
+    fit = fit_to_curve(LAWS["mu_of_i"], {}, I, at, m, np.eye(N) / SD)
     np.testing.assert_allclose(fit.mu, friction("mu_of_i", *fit.theta))
     assert fit.chi2 == pytest.approx(0, abs=1e-6)
     assert set(fit.std) == {"mu_s", "mu_2", "I0"}

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from granpinn.command import cli
-from granpinn.commands import collect, convert, inspect, report, tables, train
+from granpinn.commands import collect, convert, inspect, report, train
 from granpinn.config import ConfigError
 from granpinn.config.values import convert as value_of
 from granpinn.data import write_flow
@@ -69,7 +69,6 @@ EMPTY: dict[str, Callable[..., int]] = {
     "inspect": lambda *words: inspect.main(["a.h5", *words]),
     "collect": lambda *words: collect.main(["a", *words]),
     "simulate": lambda *words: cli.command("simulate")(list(words)),
-    "tables": lambda *words: tables.main(list(words)),
     "report": lambda *words: report.main([*words, ""]),
 }
 
@@ -95,8 +94,8 @@ def test_a_number_has_plain_digits(text: str, capsys: pytest.CaptureFixture[str]
         with pytest.raises(ConfigError, match="steps must be a"):
             value_of(text, kind, "--steps")
     for command, words in (
-        (tables.main, ["--out", "a", "--seeds", text]),
-        (tables.main, ["--out", "a", "--I0", text]),
+        (train.main, ["a.h5", "--out", "b", "--members", text]),
+        (train.main, ["a.h5", "--out", "b", "--I0", text]),
         (convert.main, ["a.txt", "--out", "b.h5", "--track-window", text]),
         (convert.main, ["a.txt", "--out", "b.h5", "--solid-fraction", text]),
         (report.main, ["a", "--time", text]),

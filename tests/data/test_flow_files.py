@@ -15,7 +15,6 @@ import xarray
 from granpinn.data import (
     Flow,
     FlowFileError,
-    FlowFileWarning,
     Truth,
     read_flow,
     write_flow,
@@ -128,16 +127,6 @@ def test_newest_layout_of_hdf5_is_read(tmp_path: Path) -> None:
     again = read_flow(tmp_path / "new.h5")
     for name, array in arrays_of(flow).items():
         np.testing.assert_array_equal(arrays_of(again)[name], array)
-
-
-def test_zeros_instead_of_gaps_are_noticed(tmp_path: Path) -> None:
-    flow = make_flow()
-    gaps = flow.valid & (np.arange(flow.u.size).reshape(flow.u.shape) % 50 == 0)
-    u, v = flow.u.copy(), flow.v.copy()
-    u[gaps] = v[gaps] = 0
-    write_flow(replace(flow, u=u, v=v), tmp_path / "flow.h5")
-    with pytest.warns(FlowFileWarning, match="exactly zero"):
-        read_flow(tmp_path / "flow.h5")
 
 
 def test_a_flow_that_breaks_a_rule_is_not_written(tmp_path: Path) -> None:

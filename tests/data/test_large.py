@@ -62,7 +62,7 @@ def test_a_file_above_the_limit_stays_in_place(path: Path) -> None:
 def test_small_and_scattered_flows_are_used_as_they_are() -> None:
     flow = make_flow()
     assert large.slabs(flow) == [slice(0, flow.t.size)]
-    assert flow is large.spread(flow) is large.runs(flow) is large.middle(flow)
+    assert flow is large.spread(flow) is large.runs(flow)
     t, x = np.repeat([0.1, 0.2], 50), np.tile(np.linspace(0, 1, 50), 2)
     u = np.ones(100, np.float32)
     particles = Particles(t, x, x**2, u, u)
@@ -111,7 +111,6 @@ def test_runs_and_spread_frames_are_those_of_the_flow(path: Path) -> None:
     np.testing.assert_array_equal(runs.u, np.concatenate([flow.u[:10], flow.u[50:]]))
     assert spread.t.size == 20
     assert (spread.t[0], spread.t[-1]) == (flow.t[0], flow.t[-1])
-    assert large.middle(flow).t.tolist() == flow.t[20:40].tolist()
     for part in (runs, spread):
         assert part.surface is not None
         assert np.unique(part.surface.t).tolist() == part.t.tolist()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, FlowFileError, Particles, particle_flow, read_flow, write_flow
-from granpinn.data.surface import from_fraction, moved, spacing, surface_sd
+from granpinn.data.surface import from_fraction, moved, surface_sd
 from tests.flows import make_flow
 
 FINE = {"frames": 4, "rows": 66, "columns": 120}
@@ -22,7 +22,7 @@ def masked(flow: Flow) -> Flow:
 
 
 def solver(flow: Flow) -> Flow:
-    return replace(flow, attributes={"grid_spacing_of_solver": spacing(flow)})
+    return replace(flow, attributes={"grid_spacing_of_solver": flow.spacing[1]})
 
 
 def particles() -> Flow:
@@ -56,17 +56,17 @@ def test_a_line_of_any_direction_moves_away_from_the_grains(turn: float) -> None
 def test_the_fraction_shows_where_the_line_should_be(offset: float) -> None:
     """c falls through 1/2 on the line of `make_flow`, to a fraction of a cell."""
     flow = make_flow(**FINE)
-    there = with_moved_surface(flow, offset * spacing(flow))
+    there = with_moved_surface(flow, offset * flow.spacing[1])
     assert flow.surface is not None
     assert there.surface is not None
-    assert from_fraction(flow, flow.surface) < 0.1 * spacing(flow)
+    assert from_fraction(flow, flow.surface) < 0.1 * flow.spacing[1]
     found = from_fraction(there, there.surface)
-    assert found == pytest.approx(abs(offset) * spacing(flow), rel=0.2)
+    assert found == pytest.approx(abs(offset) * flow.spacing[1], rel=0.2)
 
 
 def test_the_rule() -> None:
     flow = make_flow(**FINE)
-    h, d = spacing(flow), flow.grain_diameter
+    h, d = flow.spacing[1], flow.grain_diameter
     assert h / 2 < d / 2
     assert surface_sd(flow, "V1") == d / 2  # the line and c agree better than that
     small = replace(flow, grain_diameter=h / 10)

@@ -35,9 +35,9 @@ def netcdf(path: Path) -> Path:
 
 
 def tracks(path: Path) -> Path:
-    kind = [("index", "i8"), ("x", "f8"), ("y", "f8"), ("frame", "i8"), ("u", "f8"), ("v", "f8")]
     with h5py.File(path, "w") as file:
-        file["Frame_0/table"] = np.zeros(6, kind)
+        file["Frame"] = np.zeros(6)
+        file["x"] = file["u"] = np.zeros((6, 2))
     return path
 
 
@@ -53,7 +53,7 @@ CONTAINERS: dict[str, tuple[str, Callable[[Path], Path], str, Read]] = {
     "matlab": ("a.mat", matlab, "u", lambda p: read_vectors(p, "pivlab-mat")),
     "cell": ("a.mat", cells, "#refs#/u_filtered0", lambda p: read_vectors(p, "pivlab-mat")),
     "netcdf": ("a.nc", netcdf, "u", lambda p: read_vectors(p, "netcdf")),
-    "tracks": ("a.h5", tracks, "Frame_0/table", lambda p: read_vectors(p, "tracks")),
+    "tracks": ("a.h5", tracks, "x", lambda p: read_vectors(p, "tracks")),
     "fields": ("fields.h5", fields, "u", read_fields),
 }
 

@@ -91,7 +91,7 @@ def test_names_in_disguise(tmp_path: Path, text: str, encoding: str) -> None:
         read_vectors(path, "mesh")
 
 
-@pytest.mark.parametrize("suffix", [".vtk", ".vti", ".pvd", ".vtkhdf", ".vc7", ".set"])
+@pytest.mark.parametrize("suffix", [".vtk", ".vti", ".pvd", ".vc7", ".set"])
 def test_devices_and_pipes(tmp_path: Path, suffix: str) -> None:
     read = davis.read_vc7 if suffix in (".vc7", ".set") else meshes.read
     pipe, link = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
@@ -144,26 +144,10 @@ def test_a_case_that_leaves_its_folder(
         assert not opened()
 
 
-def _vtkhdf(path: Path) -> None:
+def test_vtk_in_hdf5_is_refused(tmp_path: Path) -> None:
+    """It may name other files."""
+    path = tmp_path / "a.vtkhdf"
     with h5py.File(path, "w") as file:
-        root = file.create_group("VTKHDF")
-        root.attrs["Version"] = np.array([2, 1])
-        root.attrs["Type"] = np.bytes_(b"ImageData")
-        root.attrs["WholeExtent"] = np.array([0, 4, 0, 3, 0, 1])
-        root.attrs["Origin"], root.attrs["Spacing"] = np.zeros(3), np.ones(3)
-        root.attrs["Direction"] = np.eye(3).ravel()
-        root["CellData/U"] = np.ones((1, 3, 4, 3))
-
-
-def test_vtkhdf_that_names_another_file(tmp_path: Path) -> None:
-    path, outside = tmp_path / "a.vtkhdf", tmp_path / "b.h5"
-    _vtkhdf(path)
-    assert (read_vectors(path).u == 1).all()
-    _vtkhdf(outside)
-    with h5py.File(path, "r+") as file:
-        del file["VTKHDF/CellData/U"]
-        file["VTKHDF/CellData/U"] = h5py.ExternalLink("b.h5", "VTKHDF/CellData/U")
-    with watched(outside) as opened:
-        with pytest.raises(DataFileError, match="VTKHDF/CellData/U must be stored in the file"):
-            read_vectors(path)
-        assert not opened()
+        file["VTKHDF/CellData/U"] = h5py.ExternalLink("b.h5", "U")
+    with pytest.raises(DataFileError, match="it is HDF5, which may name other files"):
+        read_vectors(path, "mesh")

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.data import FlowFileWarning
 from granpinn.importers import DataFileError, Validity, read_vectors
-from granpinn.importers.vectors import warn_of_zeros
 from tests.importers import scene
 
 SAMPLES = Path(__file__).parent / "samples"
@@ -119,15 +117,6 @@ def test_samples_have_no_silent_zeros() -> None:
         if path.suffix in (".txt", ".vec"):
             fields = read_vectors(path)
             assert not (fields.usable & (fields.u == 0) & (fields.v == 0)).any(), path
-
-
-def test_many_zeros_are_warned_of(tmp_path: Path) -> None:
-    """A mask that was lost leaves zeros behind."""
-    path = openpiv(tmp_path / "a.txt")
-    lines = [line[:-1] + "0" for line in path.read_text().splitlines()[1:]]
-    fields = read_vectors(scene.write_lines(path, ["# x\ty\tu\tv\tflags\tmask", *lines]))
-    with pytest.warns(FlowFileWarning, match="are exactly zero: grains at rest are seldom"):
-        warn_of_zeros(fields)
 
 
 WRONG: dict[str, tuple[Any, Any, str]] = {

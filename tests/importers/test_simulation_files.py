@@ -1,4 +1,4 @@
-"""NumPy arrays, netCDF, zarr, Basilisk, VTK and OpenFOAM."""
+"""NumPy arrays, netCDF, Basilisk, VTK and OpenFOAM."""
 
 from __future__ import annotations
 
@@ -99,18 +99,6 @@ def test_netcdf_of_another_layout_is_refused(tmp_path: Path) -> None:
     (tmp_path / "c.nc").write_bytes(content[: len(content) // 2])
     with pytest.raises(DataFileError, match="the file is damaged or was cut off"):
         read_vectors(tmp_path / "c.nc")
-
-
-def test_zarr_that_unpickles_is_refused(tmp_path: Path) -> None:
-    pytest.importorskip("xarray")
-    (tmp_path / "a.zarr" / "u").mkdir(parents=True)
-    (tmp_path / "a.zarr" / ".zgroup").write_text('{"zarr_format": 2}')
-    (tmp_path / "a.zarr" / "u" / ".zarray").write_text(
-        '{"zarr_format": 2, "shape": [3],'
-        ' "chunks": [3], "dtype": "<f8", "filters": [{"id": "pickle"}]}'
-    )
-    with pytest.raises(DataFileError, match="got 'pickle': another codec can run foreign code"):
-        read_vectors(tmp_path / "a.zarr")
 
 
 def basilisk(

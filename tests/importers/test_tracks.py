@@ -1,11 +1,10 @@
-"""Tracked particles: tables in CSV and HDF5, velocities and their standard deviations."""
+"""Tracked particles: velocities and their standard deviations."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 
@@ -79,18 +78,6 @@ def test_wrong_tracks_are_refused() -> None:
     for window in (1, 4):
         with pytest.raises(DataFileError, match="track_window must be odd and at least 3"):
             velocities(frame, frame, frame, frame, np.arange(4.0), None, window)
-
-
-def test_unpickling_is_not_needed(tmp_path: Path) -> None:
-    """The names of a block are a pickle: its strings are read, its instructions never run."""
-    attack = b"cos\nsystem\n(S'touch %s'\ntR." % str(tmp_path / "ran").encode()
-    rows = np.zeros(3, [("index", "i8"), ("values_block_0", "f8", (1,))])
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file.create_dataset("Frame_0/table", data=rows)
-        file["Frame_0/table"].attrs["values_block_0_kind"] = np.bytes_(attack)
-    with pytest.raises(DataFileError, match="must have the columns x, y, got"):
-        read_vectors(tmp_path / "a.h5")
-    assert not (tmp_path / "ran").exists()
 
 
 def csv_lines(path: Path, change: Any) -> Path:

@@ -43,6 +43,12 @@ def uneven_times() -> Flow:
     return replace(flow, t=t)
 
 
+def zeros_for_gaps() -> Flow:
+    flow = make_flow()
+    gaps = flow.valid & (np.arange(flow.u.size).reshape(flow.u.shape) % 50 == 0)
+    return replace(flow, u=np.where(gaps, 0, flow.u), v=np.where(gaps, 0, flow.v))
+
+
 def pressed(p: float) -> Callable[[], Flow]:
     walls = line((0, 0), (2, 0), p=np.full(2, p, np.float32))
     return lambda: make_flow(walls=walls)
@@ -71,6 +77,7 @@ ABSURD: dict[str, tuple[Callable[[], Flow], str, str]] = {
     "line": (one_column, IMPROBABLE, "all points of the free surface lie within one of"),
     "frames": (empty_frames, IMPROBABLE, "5 frames between others hold no grains"),
     "times": (uneven_times, UNUSUAL, "frames follow each other by 1e-06 to"),
+    "zeros": (zeros_for_gaps, UNUSUAL, "vectors are exactly zero: if there was no vector, write"),
     "stress": (pressed(1e8), IMPROBABLE, "wall_p is up to 7.1e+03 times the weight of the grains"),
     "huge stress": (pressed(1e38), IMPOSSIBLE, "times the weight of the grains: check its unit"),
     "one body": (

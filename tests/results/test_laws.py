@@ -25,7 +25,7 @@ from granpinn.results import (
 )
 from granpinn.results.records import Members
 from granpinn.results.result import friction_sd, true_friction
-from granpinn.uncertainty.error_bars import center, judge, nearest
+from granpinn.uncertainty.error_bars import center, judge, most_central
 from tests.examples import make_result
 from tests.page import Page
 
@@ -85,7 +85,7 @@ def test_table_row_and_page_have_its_parameters_alone(tmp_path: Path) -> None:
 def test_values_without_error_bars_and_the_reason() -> None:
     config = Config(law="coulomb")
     assert center(MEMBERS, LAW) == pytest.approx((0.33,))
-    assert nearest(MEMBERS, LAW) == 1
+    assert most_central(MEMBERS, LAW) == 1
     found = judge(MEMBERS, make_result().residuals, None, config, False)
     assert found == "there are error bars for mu(I) only"
 

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from granpinn.simulation import PAPER_CASES, Collapse, Engine, State, StepReport
+from granpinn.simulation import Collapse, Engine, State, StepReport
+
+# (mu_s, mu_2) of mu(I) in the six regimes of the paper's figure 3.
+PAPER_CASES = ((0.2, 0.32), (0.2, 0.44), (0.4, 0.52), (0.4, 0.64), (0.6, 0.72), (0.6, 0.84))
 
 
 def advance(engine: Engine, t_end: float) -> list[StepReport]:

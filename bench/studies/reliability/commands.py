@@ -14,7 +14,6 @@ from granpinn.commands.convert import main as convert
 from granpinn.commands.inspect import main as inspect
 from granpinn.commands.report import main as report
 from granpinn.commands.simulate import main as simulate
-from granpinn.commands.tables import main as tables
 from granpinn.foreign import process
 
 MAINS: dict[str, Callable[[Sequence[str]], int]] = {
@@ -23,9 +22,8 @@ MAINS: dict[str, Callable[[Sequence[str]], int]] = {
     "train": train.main,
     "report": report,
     "simulate": simulate,
-    "tables": tables,
 }
-LATE = ("h5netcdf", "xarray", "zarr", "pyvista", "lvpyio", "pandas", "tables", "PIL.Image")
+LATE = ("h5netcdf", "xarray", "pyvista", "lvpyio", "pandas", "PIL.Image")
 EMPTY_IMAGE = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAQAAAC1HAwCAAAAC0lEQVR42mNkYAAAAAYAAjCB0C8AAAAASUVORK5CYII="
 )

@@ -16,7 +16,6 @@ from bench.studies.reliability.writers import NO_PRESSURE, TRAINING
 COLLAPSE = ("--cells", "48", "--stride", "2", "--frames", "4", "--t-end", "0.2", "--threads", "1")
 TRAIN = ("flow.h5", "--out", "run", *TRAINING, *NO_PRESSURE, "--checkpoint-every", "0")
 TWO = (*TRAIN, "--members", "2")
-TABLES = ("flow.h5", "--out", "tables", "--seeds", "2", "--steps", "2", "--device", "cpu")
 SHOWN = ("run/report.html",)
 
 
@@ -63,7 +62,6 @@ CASES: dict[str, Case] = {
     "inspect": Case("inspect", ("flow.h5", "--out", "inspection"), repeated=True),
     "report": Case("report", ("run",), inputs="run", repeated=True),
     "report, ParaView": Case("report", ("run", "--paraview"), inputs="run", repeated=True),
-    "tables": Case("tables", TABLES, resume=(*TABLES, "--resume"), timed=("tables/tables.html",)),
 }
 
 

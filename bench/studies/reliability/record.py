@@ -21,7 +21,7 @@ from bench.machine import describe
 from granpinn.results import plain
 
 RESULTS = Path(__file__).parent / "results"
-LIBRARIES = ("numpy", "h5py", "safetensors", "scipy", "pillow", "xarray", "zarr", "pyvista")
+LIBRARIES = ("numpy", "h5py", "safetensors", "scipy", "pillow", "xarray", "pyvista")
 KEPT = 200  # failures that a record lists; all of them are counted
 
 

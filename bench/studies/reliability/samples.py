@@ -97,7 +97,6 @@ _OPTIONS = {
 }
 _REPORTS = {"report": ("run",), "report-paraview": ("run", "--paraview")}
 _OF_RUN = ("run/results.json", "run/fields.h5", "run/history.csv")
-_ZARR, _HDF = ("xarray", "zarr"), ("pandas", "tables")
 _BASILISK = "a-0.txt a-1.txt a-2.txt"
 _TIMES = ("--times", "times.txt", "--scale", "0.5 mm/px", "--pulse-delay", "2 ms", *MATERIAL)
 FORMATS: dict[str, Format] = {
@@ -114,15 +113,12 @@ FORMATS: dict[str, Format] = {
         frames("a-{}.txt", basilisk), _BASILISK, *PLAIN, "--times", "name", text=True
     ),
     "tracks": by_convert(writers.tracks, "a.csv", *LAB, *PIXELS, *FLIP, text=True),
-    "tracks-hdf5": by_convert(writers.tracks_hdf5, "a.h5", *LAB, *PIXELS, *FLIP, needs=_HDF),
     "mat5": by_convert(writers.mat("version_5", "all_frames"), "a.mat", *LAB),
     "mat5-session": by_convert(writers.mat("version_5", "session"), "a.mat", *LAB),
     "mat7.3": by_convert(writers.mat("version_73", "all_frames"), "a.mat", *LAB),
     "mat7.3-session": by_convert(writers.mat("version_73", "session"), "a.mat", *LAB),
     "npz": by_convert(writers.npz, "a.npz", *LAB),
     "netcdf": by_convert(writers.netcdf, "a.nc", *LAB, *FLIP, needs=("xarray", "h5netcdf")),
-    "zarr2": by_convert(writers.zarr(2), "a.zarr", *LAB, *FLIP, needs=_ZARR),
-    "zarr3": by_convert(writers.zarr(3), "a.zarr", *LAB, *FLIP, needs=_ZARR),
     "vti": by_convert(
         writers.vtk, "a0.vti a1.vti", *PLAIN, needs=("pyvista",), only=("a0.vti", "a1.vti")
     ),

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from granpinn.commands import train
 from granpinn.data import Particles, Surface, particle_flow, write_flow
@@ -75,25 +73,8 @@ def netcdf(folder: Path) -> None:
     dataset().to_netcdf(folder / "a.nc", engine="h5netcdf")
 
 
-def zarr(version: int) -> Writer:
-    def write(folder: Path) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            dataset().to_zarr(folder / "a.zarr", zarr_format=version)
-
-    return write
-
-
 def tracks(folder: Path) -> None:
     write_csv(folder / "a.csv", motion(tracks=6))
-
-
-def tracks_hdf5(folder: Path) -> None:
-    table = pd.DataFrame(motion(0.05, tracks=6)).astype({"frame": int, "particle": int})
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        with pd.HDFStore(folder / "a.h5") as store:
-            store.append("FrameData", table, data_columns=["frame"])
 
 
 def vtk(folder: Path) -> None:

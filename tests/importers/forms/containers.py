@@ -1,8 +1,7 @@
-"""PIVlab's MATLAB files, and netCDF, zarr and data sets of xarray."""
+"""PIVlab's MATLAB files, and netCDF and data sets of xarray."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -123,15 +122,9 @@ def stored_variable(store: str, variable: Any) -> Any:
 
 
 def written(folder: Path, holder: str, data: Any, store: str) -> Path:
-    """A file or folder of a data set."""
-    encoding = packing(data, store)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # zarr, about its own format
-        if holder.startswith("zarr"):
-            data.to_zarr(folder / "a.zarr", zarr_format=int(holder[-1]), encoding=encoding)
-            return folder / "a.zarr"
-        engine = "scipy" if holder == "netcdf3" else "h5netcdf"
-        data.to_netcdf(folder / "a.nc", engine=engine, encoding=encoding)
+    """A file of a data set."""
+    engine = "scipy" if holder == "netcdf3" else "h5netcdf"
+    data.to_netcdf(folder / "a.nc", engine=engine, encoding=packing(data, store))
     return folder / "a.nc"
 
 
@@ -151,8 +144,7 @@ FAMILIES = {
     "xarray": Family(
         data_set,
         {
-            "holder": plain("netcdf3", "netcdf4", "zarr 2", "zarr 3", "Dataset")
-            | plain("undecoded"),
+            "holder": plain("netcdf3", "netcdf4", "Dataset", "undecoded"),
             "units": plain(METERS, "pix pix pix/dt pix/dt", "mm m cm/s mm/s") | odd("m px m/s m/s"),
             "time": plain("s", "", "frame") | odd("hours since 2020-01-01"),
             "up": plain(True, False),

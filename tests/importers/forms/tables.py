@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from granpinn.data import Particles
 from tests.importers import scene
@@ -97,14 +95,11 @@ def linked(
     up: bool,
     names: str,
     ep: str,
-    holder: str,
     order: str,
     dialect: str,
 ) -> Given | None:
     """Grains that start like the scene and speed up; the parabolas are fitted here once more."""
     seen = view(f"{units} m/s m/s", up)
-    if holder == "HDF5" and (units != "px px" or time != "frame" or up or ep in ("m", "mm")):
-        return None
     settings = UP[up] | ({"start": "1 ms"} if time == "frame" else {})
     if not up:  # the lowest grain has moved
         settings["origin"] = ",".join(scene.text(seen.axes()[0][0], seen.axes()[1][-1]))
@@ -122,17 +117,8 @@ def linked(
         particles = replace(particles, sigma_u=None, sigma_v=None)
         flow = physical.of_particles(particles, sigma_u=0.01, sigma_v=0.01)
     path = folder / "a.csv"
-    if holder == "HDF5":
-        path = folder / "a.h5"
-        trackpy = {"mass": 9.0, "size": 2.0, "ecc": 0.1}
-        frames = pd.DataFrame(columns | trackpy).astype({"frame": int, "particle": int})
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of pandas, about its defaults
-            with pd.HDFStore(path) as store:
-                store.append("FrameData", frames, data_columns=["frame"])
-    else:
-        options = {"names": names, "brackets": "[]", "order": order, **style(dialect)}
-        write(path, columns, named, **options)
+    options = {"names": names, "brackets": "[]", "order": order, **style(dialect)}
+    write(path, columns, named, **options)
     return given(path, flow, settings, DIFFERENCE)
 
 
@@ -187,7 +173,6 @@ FAMILIES = {
             "up": plain(False, True),
             "names": plain("plain", "capitals", "TrackMate"),
             "ep": plain("") | odd("m", "mm", "px"),
-            "holder": plain("CSV", "HDF5"),
             "order": plain("", "10", "32"),
             "dialect": styles(",", ";", "tab", quoted=True),
         },
