@@ -405,10 +405,9 @@ def difference(case: Case, fields: Fields) -> tuple[float | None, float | None]:
     """
     p, simulated = fields.values["p"], fields.values["p_simulated"]
     known = np.isfinite(simulated)
-    split = scoring.zones_of(case.flow, fields, lambda: case.shared.strain_rate)
     flowing, stagnant = (
         relative_l2(p[known & zone], simulated[known & zone])
-        for zone in (split.flowing, split.stagnant)
+        for zone in scoring.zones_of(case.flow, fields, lambda: case.shared.strain_rate)
     )
     return flowing, stagnant
 

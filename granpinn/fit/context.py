@@ -92,8 +92,8 @@ class Context:
 
     def score(self, fields: Fields) -> None:
         """Take errors of fields and parameters against the reference in the flow file."""
-        scores = ensemble.scores(self.case, self.model, fields, self.result.parameters)
-        self.result = dataclasses.replace(self.result, **scores._asdict())
+        errors = ensemble.errors(self.case, self.model, fields, self.result.parameters)
+        self.result = dataclasses.replace(self.result, error_percent=errors)
 
     def draw_curve(self) -> None:
         """Take the law over the range of I where grains shear, with its band."""

@@ -96,9 +96,9 @@ class Determined:
         I: their mean.
         mu, std, interval_90: friction at this I, without error bars if the law has none.
         lost: names of the parameters that are not determined. Each has `determined` = false and no
-            error bars in `parameters`; those that it had are here.
+            error bars in `parameters`.
         wide: those of `lost` whose 90 % interval is wider than `USELESS`.
-        raw_std, raw_interval_90: of the parameters in `lost` that had them.
+        raw_interval_90: of the parameters in `lost` that had one.
         reason: why no friction at any I is determined, in words (estimates/confined.py); `mu` is
             then that of the training, without a meaning. None: `mu` is determined.
     """
@@ -110,7 +110,6 @@ class Determined:
     std: float | None
     interval_90: tuple[float, float] | None
     lost: tuple[str, ...] = ()
-    raw_std: dict[str, float] | None = None
     raw_interval_90: dict[str, tuple[float, float]] | None = None
     reason: str | None = None
     wide: tuple[str, ...] = ()

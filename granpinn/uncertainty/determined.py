@@ -136,9 +136,8 @@ def applied(result: Result, found: Determined) -> Result:
     lost = {name: values[name] for name in found.lost if not values[name].fixed}
     for name, parameter in lost.items():
         values[name] = dataclasses.replace(parameter, std=None, interval_90=None, determined=False)
-    std = {name: p.std for name, p in lost.items() if p.std is not None}
     intervals = {name: p.interval_90 for name, p in lost.items() if p.interval_90 is not None}
-    found = dataclasses.replace(found, raw_std=std or None, raw_interval_90=intervals or None)
+    found = dataclasses.replace(found, raw_interval_90=intervals or None)
     return dataclasses.replace(result, parameters=Parameters(values), determined=found)
 
 

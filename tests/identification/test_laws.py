@@ -32,11 +32,9 @@ def test_members_of_one_batch_have_laws_of_their_own(flow: Flow) -> None:
         assert found.parameters.keys() == alone.parameters.keys()
         for parameter, value in found.parameters.items():
             assert value.value == pytest.approx(alone.parameters[parameter].value, rel=1e-6)
-        assert found.loss is not None
-        assert alone.loss is not None
-        assert found.loss.terms["constitutive"] == pytest.approx(
-            alone.loss.terms["constitutive"], rel=1e-5
-        )
+        assert found.residuals is not None
+        assert alone.residuals is not None
+        assert found.residuals.constitutive == pytest.approx(alone.residuals.constitutive, rel=1e-5)
 
 
 def test_fixed_values_are_given_or_of_the_flow_or_usual(demo: Flow) -> None:
