@@ -230,19 +230,16 @@ def inertial_range(data: TrainingSet, model: Model) -> tuple[float, float] | Non
     points = own[:: max(1, len(own) // POINTS)].to(model.params)
     found = evaluate(points, model.spec, model.params, model.law, model.theta, model.physics)
     number = found["I"][found["D2"] >= D2_STAGNANT].cpu().double().numpy()
-    return percentiles(number, np.ones(number.shape))
+    return percentiles(number)
 
 
 def with_curve(result: Result, case: Case, shear: Shear) -> Result:
     """The result with its law over the I of the points that shear, and without the parameters that
     this range, or the walls, do not determine.
-
-    The loss weights every point alike.
     """
-    weight = np.ones(shear.I.shape)
     reason = undetermined(case.seen, case.config.level)
     if reason is not None:
-        result = applied(result, unfixed(result, shear.I, weight, reason))
-    elif (found := determined(result, shear.I, weight)) is not None:
+        result = applied(result, unfixed(result, shear.I, reason))
+    elif (found := determined(result, shear.I)) is not None:
         result = applied(result, found)
-    return curve_over(result, shear.I, weight, shear.ratio)
+    return curve_over(result, shear.I, shear.ratio)

@@ -105,7 +105,7 @@ def make(inspection: Inspection) -> InertialRange | None:
 def shear_of(inspection: Inspection) -> Range | None:
     """The range of I of the vectors that shear; None if none does."""
     numbers, scale = inspection.inertia, inspection.law.inertial_scale or 1.0
-    return range_of(numbers.I[numbers.flows], numbers.vectors[numbers.flows], scale)
+    return range_of(numbers.I[numbers.flows], scale, numbers.vectors[numbers.flows])
 
 
 def _draw(inspection: Inspection) -> Any:

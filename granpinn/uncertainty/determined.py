@@ -41,14 +41,13 @@ from granpinn.uncertainty.error_model import Known, Pair, ends_of, interval
 LARGEST = {"mu_s": 0.15, "mu_2": 0.15, "I0": 0.3}
 
 
-def determined(result: Result, inertial_number: Floats, weight: Floats) -> Determined | None:
+def determined(result: Result, inertial_number: Floats) -> Determined | None:
     """What the data determine; None for flows without shear, and for another law if it is all.
 
     Args:
         inertial_number: of the points that shear [n].
-        weight: of these points in the fit [n].
     """
-    shear = _range(result, inertial_number, weight)
+    shear = _range(result, inertial_number)
     return None if shear is None else determined_over(result, shear, [(shear.low, shear.high)])
 
 
@@ -86,8 +85,8 @@ class Range(NamedTuple):
     I: float
 
 
-def range_of(inertial_number: Floats, weight: Floats, I0: float) -> Range | None:
-    """The range of I of points that shear [n] with weights [n]; None without such points."""
+def range_of(inertial_number: Floats, I0: float, weight: Floats | None = None) -> Range | None:
+    """The range of I of points that shear [n], with weights [n]; None without such points."""
     used = _shearing(inertial_number, weight)
     if used is None:
         return None
@@ -99,13 +98,15 @@ def range_of(inertial_number: Floats, weight: Floats, I0: float) -> Range | None
     return Range(low, high, I0 * mean / (1 - mean))
 
 
-def _range(result: Result, inertial_number: Floats, weight: Floats) -> Range | None:
+def _range(result: Result, inertial_number: Floats) -> Range | None:
     """The range of I, with the I0 of a result, if its law has one."""
     scale = result.friction_law.inertial_scale
-    return range_of(inertial_number, weight, result.parameters[scale].value if scale else 1.0)
+    return range_of(inertial_number, result.parameters[scale].value if scale else 1.0)
 
 
-def percentiles(inertial_number: Floats, weight: Floats) -> tuple[float, float] | None:
+def percentiles(
+    inertial_number: Floats, weight: Floats | None = None
+) -> tuple[float, float] | None:
     """The 5th and 95th percentile of I of points that shear [n]; None without such points."""
     used = _shearing(inertial_number, weight)
     return None if used is None else _quantiles(*used)
@@ -117,14 +118,13 @@ def lost_of(flows: Sequence[Known]) -> tuple[str, ...]:
     return tuple(name for name in law if sd[name] > LARGEST[name] * law[name])
 
 
-def unfixed(result: Result, inertial_number: Floats, weight: Floats, reason: str) -> Determined:
+def unfixed(result: Result, inertial_number: Floats, reason: str) -> Determined:
     """The record of a flow that determines no friction coefficient, for a reason; any law.
 
     Args:
         inertial_number: of the points that shear [n], with the pressure of the training.
-        weight: of these points [n].
     """
-    law, shear = result.friction_law, _range(result, inertial_number, weight)
+    law, shear = result.friction_law, _range(result, inertial_number)
     low, high, at = (0.0, 0.0, 0.0) if shear is None else shear
     mu = float(law.friction(np.array([at]), *result.theta)[0])
     return Determined(low, high, at, mu, None, None, law.free, reason=reason)
@@ -141,9 +141,10 @@ def applied(result: Result, found: Determined) -> Result:
     return dataclasses.replace(result, parameters=Parameters(values), determined=found)
 
 
-def _shearing(inertial_number: Floats, weight: Floats) -> tuple[Float64, Float64] | None:
+def _shearing(inertial_number: Floats, weight: Floats | None) -> tuple[Float64, Float64] | None:
     """The points with a positive I and weight; None without such points."""
-    number, share = np.asarray(inertial_number, np.float64), np.asarray(weight, np.float64)
+    number = np.asarray(inertial_number, np.float64)
+    share = np.ones(number.shape) if weight is None else np.asarray(weight, np.float64)
     used = np.isfinite(number) & (number > 0) & (share > 0)
     return (number[used], share[used]) if used.any() else None
 
@@ -162,17 +163,14 @@ FEWEST = 20  # points of a bin
 NO_SHEAR = "no grains shear"
 
 
-def with_curve(
-    result: Result, inertial_number: Floats, weight: Floats, ratio: Floats | None = None
-) -> Result:
+def with_curve(result: Result, inertial_number: Floats, ratio: Floats | None = None) -> Result:
     """The result with its law over the range of I of the data.
 
     Args:
         inertial_number: of the points that shear [n].
-        weight: of these points in the fit [n].
         ratio: |tau|/p at these points [n], NaN where p <= 0; None: not known.
     """
-    found = percentiles(inertial_number, weight)
+    found = percentiles(inertial_number)
     if found is None:
         return _with(result, reason=NO_SHEAR)
     points = None if ratio is None else stress_points(inertial_number, ratio, found)
