@@ -100,7 +100,7 @@ def make_result(**changes: Any) -> Result:
         ),
         error_bars=ErrorBars((0.011, 0.017), 8.0, 1.86, "made up", (0.008, 0.02), (0.004, 0.01)),
         checks={"momentum_balance": BALANCE},
-        determined=Determined(0.01, 0.2, 0.06, 0.44, 0.01, (0.42, 0.46)),
+        determined=Determined((0.01, 0.2)),
     )
     return replace(result, **changes)
 

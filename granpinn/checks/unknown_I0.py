@@ -72,15 +72,14 @@ def unknown_I0(result: Result) -> UnknownI0:
         CannotGoOn: the run has no error bars, or its I0 was identified.
     """
     law, shear, bars = result.covariance, result.determined, result.error_bars
-    if law is None or shear is None or bars is None:
+    if law is None or shear is None or shear.I_range is None or bars is None:
         raise CannotGoOn(f"the run has no error bars: {result.law.reason or 'none were estimated'}")
     if law.names != ("mu_s", "mu_2"):
         raise CannotGoOn("I0 was identified with the law: take its own interval")
     mu_s, mu_2, I0 = result.theta
-    I_range = shear.I_low, shear.I_high
-    J = line(ends_of(I_range, I0))
+    J = line(ends_of(shear.I_range, I0))
     mu, C = J @ np.array([mu_s, mu_2]), J @ np.array(law.matrix) @ J.T
-    return of_ends(I_range, mu, C * (bars.half_width / NORMAL_90) ** 2, I0)
+    return of_ends(shear.I_range, mu, C * (bars.half_width / NORMAL_90) ** 2, I0)
 
 
 def of_ends(I_range: Pair, mu: Float64, C: Float64, I0: float) -> UnknownI0:

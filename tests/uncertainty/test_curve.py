@@ -62,9 +62,9 @@ def test_the_curve_covers_the_range_that_the_data_determine() -> None:
     law, shear = with_curve(result, number).law, determined(result, number)
     assert shear is not None
     assert law.curve is not None
-    assert law.I_range == (shear.I_low, shear.I_high)
+    assert law.I_range == shear.I_range
     I = np.array(law.curve.I)
-    assert (len(I), I[0], I[-1]) == (POINTS, shear.I_low, shear.I_high)
+    assert (len(I), I[0], I[-1]) == (POINTS, *law.I_range)
     np.testing.assert_allclose(np.diff(np.log(I)), np.log(I[-1] / I[0]) / (POINTS - 1))
     np.testing.assert_allclose(law.curve.mu, MU_OF_I.friction(I, *result.theta))
     assert (law.name, law.reason, law.points) == ("mu_of_i", None, None)
