@@ -124,9 +124,7 @@ def one_law(results: Sequence[Result]) -> Identification:
         assumptions=tuple(
             _of_all(a, r, law, f) for f, r in enumerate(results) for a in r.assumptions
         ),
-        flows=tuple(
-            FlowOfLaw(r.input, r.data, r.law.I_range, r.residuals, r.assessment) for r in results
-        ),
+        flows=tuple(FlowOfLaw(r.input, r.data, r.law.I_range, r.assessment) for r in results),
         checks={} if law.reason else {name: shared_law.compared(results, law)},
         not_done={name: f"there are no error bars: {law.reason}"} if law.reason else {},
     )

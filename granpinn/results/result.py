@@ -62,14 +62,12 @@ class FlowOfLaw:
     """
     Attributes:
         I_range: 5th and 95th percentile of I over its points that shear; None without any.
-        residuals: of its network.
         assessment: of the fit of this flow.
     """
 
     input: Input
     data: DataSummary
     I_range: tuple[float, float] | None
-    residuals: Residuals | None
     assessment: Assessment
 
     def __str__(self) -> str:
