@@ -165,7 +165,7 @@ def make(context: Context) -> SimulatedPressure | None:
     if context.fields is not None:
         context.fields = fields
     context.score(fields)
-    if context.keep_fields and context.folder is not None:
+    if context.folder is not None:
         append_variable(fields, "p_simulated", context.folder / "fields.h5")
     flowing, stagnant = difference(case, fields)
     return dataclasses.replace(record, flowing_percent=flowing, stagnant_percent=stagnant)

@@ -109,6 +109,5 @@ def _train(
         I0=[I0 or getattr(case.flow.truth, "I0", None) or I0_UNKNOWN for case in many],
         noise=[case.noise for case in many],
         run_dir=folder,
-        keep_fields=False,
         progress=progress,
     )

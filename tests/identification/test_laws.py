@@ -25,7 +25,7 @@ def demo() -> Flow:
 def test_members_of_one_batch_have_laws_of_their_own(flow: Flow) -> None:
     """Each member ends where it ends alone."""
     config = tiny(**{"simulated_pressure__frames": 0})
-    together = identify_many([flow] * len(LAWS), config, laws=list(LAWS), keep_fields=False)
+    together = identify_many([flow] * len(LAWS), config, laws=list(LAWS))
     for name, found in zip(LAWS, together, strict=True):
         alone = identify(flow, tiny(law=name, **{"simulated_pressure__frames": 0}))
         assert found.law.name == name
