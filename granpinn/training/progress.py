@@ -11,14 +11,13 @@ import sys
 import time
 from collections.abc import Sequence
 from html import escape
-from typing import Any, NamedTuple, TextIO
+from typing import Any, NamedTuple
 
 from granpinn.physics.terms import TERMS
 from granpinn.terminal import visible
 from granpinn.training.history import Row
 
 LAST_LAYER = "last layer"  # the stage that ends a training
-LINE_EVERY, UPDATE_EVERY = 10.0, 0.5  # seconds between updates: of plain lines, in a notebook
 
 
 class Stage(NamedTuple):
@@ -72,12 +71,16 @@ class Shown(Silent):
     """Knows the stage and the time left of the whole run; a subclass shows them in `update`.
 
     Args:
-        every: seconds between updates.
         last: stages that follow those of `plan`, such as the figures of a command.
+
+    Attributes:
+        every: seconds between updates.
     """
 
-    def __init__(self, every: float, last: Sequence[Stage] = ()) -> None:
-        self.every, self.updated = every, -math.inf
+    every = 0.5
+
+    def __init__(self, last: Sequence[Stage] = ()) -> None:
+        self.updated = -math.inf
         self.later = [*last]
         self.until: float | None = None
         self.stages: list[tuple[Stage, float]] = []  # the present one, with its first moment
@@ -181,25 +184,21 @@ class Shown(Silent):
 class Lines(Shown):
     """One line every ten seconds, for log files."""
 
-    def __init__(
-        self, stream: TextIO | None = None, every: float = LINE_EVERY, last: Sequence[Stage] = ()
-    ) -> None:
-        super().__init__(every, last)
-        self.stream = stream or sys.stderr
+    every = 10.0
 
     def update(self) -> None:
         if self.times[1:] or not self.times:
             self.message(self.line)
 
     def message(self, text: str) -> None:
-        print(visible(text), file=self.stream, flush=True)
+        print(visible(text), file=sys.stderr, flush=True)
 
 
 class Bar(Shown):
     """A bar with the stage and the time left; below it values and loss terms. By rich."""
 
     def __init__(self, last: Sequence[Stage] = ()) -> None:
-        super().__init__(UPDATE_EVERY, last)
+        super().__init__(last)
         from rich import progress
         from rich.console import Console
         from rich.live import Live
@@ -232,8 +231,8 @@ class Bar(Shown):
 class Notebook(Shown):
     """One line with a bar in the output of a notebook cell, updated in place. By IPython."""
 
-    def __init__(self, every: float = UPDATE_EVERY) -> None:
-        super().__init__(every)
+    def __init__(self) -> None:
+        super().__init__()
         from IPython import display
 
         self.display: Any = display.display
@@ -261,7 +260,7 @@ class Notebook(Shown):
 
 def automatic(last: Sequence[Stage] = ()) -> Progress:
     """A bar in a terminal, lines otherwise; `last`: stages that follow the identification."""
-    return Bar(last) if sys.stderr.isatty() else Lines(last=last)
+    return Bar(last) if sys.stderr.isatty() else Lines(last)
 
 
 def by_default() -> Progress:

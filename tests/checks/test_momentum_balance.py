@@ -34,7 +34,7 @@ def result_with(factor: float) -> Result:
 def context_of(flow: Flow, result: Result) -> Any:
     """What the check needs of a fit."""
     member = SimpleNamespace(law=mu_of_i.LAW, fixed={"I0": 0.3})
-    shared = Shared(flow, flow, SideWalls())
+    shared = Shared(flow, flow, Config())
     return Context(
         result=result,
         case=SimpleNamespace(seen=flow, shared=shared, member=member),  # type: ignore[arg-type]
