@@ -82,8 +82,8 @@ def measure(
     notes = [
         f"film: {frames.count} frames of {columns} x {rows} px, grains of {grain:.3g} px",
         f"vectors in {len(levels)} frames, {len(kept)} kept and {len(vectors) - len(kept)} "
-        "rejected; frames between their first and last image, chosen by region: "
-        + ", ".join(f"{number} in {share}" for number, share in pairs.items()),
+        "rejected; time between their first and last image, chosen by region: "
+        + ", ".join(f"{number} frames: {share}" for number, share in pairs.items()),
         "the grains move from the first frame on; if they start from rest, give --start"
         if released is None
         else f"the grains are released at frame {released:.1f}",
