@@ -145,7 +145,7 @@ def calls(folder: Path, begun: Begun) -> dict[str, tuple[Callable[..., Any], dic
         ),
         "identify_many": (
             granpinn.identify_many,
-            {"flows": [FLOW], "config": config, "progress": begun, "keep_fields": True, **many},
+            {"flows": [FLOW], "config": config, "progress": begun, **many},
         ),
         "read_flow": (read_flow, {"path": folder / "flow.h5", "max_bytes": 2**20}),
         "write_flow": (write_flow, {"flow": FLOW, "path": folder / "out.h5"}),

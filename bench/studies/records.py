@@ -15,7 +15,7 @@ def records_of(result: Result) -> dict[str, Any]:
     return {
         "level": result.level,
         "data": encode(result.data),
-        "members": None if result.members is None else encode(result.members),
+        "members": None if result.members is None else encode(result.members.values),
         "residuals": encode(result.residuals),
         "I_range": result.law.I_range,
         "measured_noise": result.data.measured_noise,

@@ -90,18 +90,15 @@ def without_error_bars(result: Result) -> Result:
     parameters = {
         name: replace(p, std=None, interval_90=None) for name, p in result.parameters.items()
     }
-    curve, shear = result.law.curve, result.determined
+    curve = result.law.curve
     if curve is not None:
         curve = replace(curve, low=None, high=None)
-    if shear is not None:
-        shear = replace(shear, std=None, interval_90=None)
     return replace(
         result,
         parameters=Parameters(parameters),
         covariance=None,
         error_bars=None,
         law=replace(result.law, curve=curve, reason=CARRIED),
-        determined=shear,
     )
 
 

@@ -217,7 +217,7 @@ def make(context: Context) -> Resimulation:
         context.case.flow,
         result.friction_law,
         result.theta,
-        config.resimulation.cells,
+        config.simulated_pressure.cells,
         context.run.progress.message,
         config.side_walls.friction,
     )

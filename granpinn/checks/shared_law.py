@@ -45,7 +45,6 @@ class SharedLaw(Record):
         chi_square, freedom: of the laws of the single flows around that of all.
         p_value: the probability of a larger chi-square if all flows have one law.
         I0: whether it was identified or held, and why, in words.
-        outside: in what the single fits are beyond the error model, in words.
     """
 
     title = "Do the flows have one law?"
@@ -61,7 +60,6 @@ class SharedLaw(Record):
     freedom: int
     p_value: float
     I0: str
-    outside: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not (0 <= self.p_value <= 1 and self.chi_square >= 0 and self.freedom > 0):
@@ -102,8 +100,8 @@ class SharedLaw(Record):
 
     def reasons(self, result: Result) -> list[Reason]:
         words = f"{self.verdict[0].upper()}{self.verdict[1:]}."
-        if self.outside and self.different:
-            words += f" These errors are extrapolated: {', '.join(self.outside)}."
+        if self.different and result.error_bars and result.error_bars.outside:
+            words += f" These errors are extrapolated: {', '.join(result.error_bars.outside)}."
         return [Reason(CARE if self.different else GOOD, words)]
 
 
@@ -121,7 +119,7 @@ def compared(results: Sequence[Result], law: OneLaw) -> SharedLaw:
         pairs = ((float(low), float(high)) for low, high in ends)
         laws.append(LawApart(result.input.name, *pairs))
     scatter = law.fit.chi_square, law.fit.freedom, law.fit.p_value
-    return SharedLaw(tuple(laws), *scatter, law.I0, law.estimate.bars.outside)
+    return SharedLaw(tuple(laws), *scatter, law.I0)
 
 
 def make(context: Context) -> None:

@@ -159,7 +159,7 @@ def make(context: Context) -> SimulatedPressure | None:
     if context.fields is not None:
         context.fields = fields
     context.score(fields)
-    if context.keep_fields and context.folder is not None:
+    if context.folder is not None:
         append_variable(fields, "p_simulated", context.folder / "fields.h5")
     flowing, stagnant = difference(case, fields)
     return dataclasses.replace(record, flowing_percent=flowing, stagnant_percent=stagnant)
@@ -363,10 +363,9 @@ def difference(case: Case, fields: Fields) -> tuple[float | None, float | None]:
     """
     p, simulated = fields.values["p"], fields.values["p_simulated"]
     known = np.isfinite(simulated)
-    split = scoring.zones_of(case.flow, fields, lambda: case.shared.strain_rate)
     flowing, stagnant = (
         relative_l2(p[known & zone], simulated[known & zone])
-        for zone in (split.flowing, split.stagnant)
+        for zone in scoring.zones_of(case.flow, fields, lambda: case.shared.strain_rate)
     )
     return flowing, stagnant
 

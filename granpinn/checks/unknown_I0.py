@@ -38,7 +38,7 @@ from granpinn.results.records import LawPoints
 from granpinn.results.result import NORMAL_90
 from granpinn.uncertainty.curve_error import between
 from granpinn.uncertainty.determined import LARGEST
-from granpinn.uncertainty.error_model import ends_of, line
+from granpinn.uncertainty.error_model import Pair, ends_of, line
 
 REACH, VALUES = 4.0, 241  # of I0 over that of the run, upwards and downwards; number of values
 STEPS = 4  # of Gauss and Newton with a given I0
@@ -79,46 +79,43 @@ def make(context: Context) -> UnknownI0 | None:
     result = context.result
     if result.law.name != DEFAULT.name:
         return None
-    require_error_bars(result)
+    errors_of(result)
     points, I_range = None, result.law.I_range
     if context.case.flow.of_solver and I_range is not None:
         points = law_points(context.run, context.place, I_range)
     return unknown_I0(result, points)
 
 
-def require_error_bars(result: Result) -> None:
-    """Raise CannotGoOn if a run has no error bars of mu_s and mu_2 alone."""
-    if result.covariance is None or result.determined is None or result.error_bars is None:
+def errors_of(result: Result) -> tuple[Float64, Pair]:
+    """Covariance of mu_s and mu_2 as of normal errors [2, 2], and the range of I.
+
+    Raises:
+        CannotGoOn: the run has no error bars, or its I0 was identified.
+    """
+    law, shear, bars = result.covariance, result.determined, result.error_bars
+    if law is None or shear is None or shear.I_range is None or bars is None:
         raise CannotGoOn(f"the run has no error bars: {result.law.reason or 'none were estimated'}")
-    if result.covariance.names != ("mu_s", "mu_2"):
+    if law.names != ("mu_s", "mu_2"):
         raise CannotGoOn("I0 was identified with the law: take its own interval")
+    return np.array(law.matrix) * (bars.half_width / NORMAL_90) ** 2, shear.I_range
 
 
 def unknown_I0(result: Result, points: LawPoints | None = None) -> UnknownI0:
     """mu_s and the slope of a run if its I0 is not known.
 
     Raises:
-        CannotGoOn: the run has no error bars, or its I0 was identified.
+        CannotGoOn: as `errors_of`.
     """
-    require_error_bars(result)
-    law, shear, bars = result.covariance, result.determined, result.error_bars
-    assert law is not None
-    assert shear is not None
-    assert bars is not None
+    of_law, I_range = errors_of(result)
     mu_s, mu_2, I0 = result.theta
-    I_range = shear.I_low, shear.I_high
     J = line(ends_of(I_range, I0))
     mu = J @ np.array([mu_s, mu_2])
     J /= mu[:, None]
-    I, y = np.array(I_range), np.log(mu)
-    C = J @ np.array(law.matrix) @ J.T
+    I, y, C = np.array(I_range), np.log(mu), J @ of_law @ J.T
     if points is not None:
-        I, y = np.array(points.I), np.array(points.log_mu)
-        part = between(I, I_range)
-        C = part @ C @ part.T + np.array(points.covariance)
-    return dataclasses.replace(
-        of_points(I, y, C * (bars.half_width / NORMAL_90) ** 2, I0), points=points
-    )
+        I, y, J = np.array(points.I), np.array(points.log_mu), between(points.I, I_range)
+        C = J @ C @ J.T + np.array(points.covariance)
+    return dataclasses.replace(of_points(I, y, C, I0), points=points)
 
 
 def of_points(I: Float64, y: Float64, C: Float64, I0: float) -> UnknownI0:

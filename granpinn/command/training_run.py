@@ -12,7 +12,6 @@ from threading import Thread
 from granpinn import report, results
 from granpinn.checks import wanted
 from granpinn.command import flow_warnings
-from granpinn.command.new_lines import NewLines
 from granpinn.command.next_step import require_flow_file
 from granpinn.config import Config, ConfigError
 from granpinn.identification.answer import FIELDS, require_kept
@@ -32,7 +31,7 @@ def run(config: Config, verbose: bool = False, begin: float | None = None) -> in
     """Identify, write the results and the report; the exit code.
 
     Args:
-        verbose: print all that is known, as soon as it is; else the answer in a few lines.
+        verbose: print all that is known before the answer in a few lines.
         begin: time.monotonic() at which the command began, for its time limit.
     """
     begin = time.monotonic() if begin is None else begin
@@ -62,7 +61,7 @@ def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Resul
     """The result with its checks; the first process writes the report."""
     assert config.flow is not None
     assert config.out is not None
-    folder, lines = Path(config.out), NewLines()
+    folder = Path(config.out)
     flows = [config.flow, *config.further_flows]
     listener = progress.automatic([FIGURES]) if rank == 0 else progress.Silent()
     if rank == 0:  # matplotlib takes a second to load; the training leaves the interpreter idle
@@ -75,7 +74,6 @@ def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Resul
             one_law=len(flows) > 1,
             run_dir=folder,
             progress=listener,
-            on_values=lines.show if verbose else None,
             reserve=time.monotonic() - begin + FIGURES.seconds,
         )
         if rank > 0:
@@ -88,7 +86,7 @@ def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Resul
         result = result.without(REPORT, page.why)
         results.write_results(result, folder / "results.json")
     if verbose:
-        lines.show(result)
+        print(result.summary())
     print(result)
     for check in [] if verbose else wanted(config):
         if check.asked(config) and check.name in result.checks:

@@ -23,7 +23,8 @@ EXAMPLES = """examples:
       --grain-diameter "0.8 mm" --grain-density "2500 kg/m^3" --solid-fraction 0.6
   python -m granpinn.film film.avi --out flow.h5 --roi 40:900,0:400 --mask walls.png ...
 
-It writes FLOW.html too: one picture for every stage. docs/guides/films.md shows them."""
+It writes FLOW.html too: pictures of every stage. docs/guides/films.md shows them.
+--tilt auto takes a straight floor in the picture as level."""
 
 
 def parser() -> Parser:

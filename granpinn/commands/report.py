@@ -27,7 +27,6 @@ SETTINGS = {
         None,
         "time of maps, in the unit of the flow file; default 0.7 of the last",
     ),
-    "pdf": Setting(bool, False, "write the figures as PDF too, for talks"),
     "paraview": Setting(bool, False, "write fields.nc too, the fields over time for ParaView"),
 }
 
@@ -35,7 +34,7 @@ SETTINGS = {
 def parser() -> Parser:
     made = Parser(
         "report",
-        "DIR [--pdf] [--paraview] [--time T]",
+        "DIR [--paraview] [--time T]",
         "Draw the figures of a finished run and write its report.html.",
     )
     made.add_argument("folder", type=Path, help="the run folder, --out of granpinn.train")
@@ -48,7 +47,7 @@ def run(argv: Sequence[str]) -> int:
     folder, time = given["folder"], given.get("time")
     SETTINGS["time"].check(time, "--time")
     with owned(folder if folder.is_dir() else None):
-        print(build(folder, time, given.get("pdf", False)))
+        print(build(folder, time))
         if given.get("paraview"):
             print(for_paraview(folder))
     return 0

@@ -34,8 +34,8 @@ EXAMPLES = """examples:
       the paper's column, 512 cells across the box
   python -m granpinn.simulate --law coulomb --mu-s 0.4 --out coulomb.h5
       the same column with constant friction
-  python -m granpinn.simulate --cells 128 --out quick.h5 --animation quick.gif
-      a coarse one in a second, with an animation
+  python -m granpinn.simulate --cells 128 --out quick.h5
+      a coarse one in a second
   python -m granpinn.simulate --height 0.1 --aspect 2 --gravity 0,-9.81 --density 1550 --d 0.0008 \\
       --length-unit m --time-unit s --out beads.h5
       glass beads in SI units
@@ -46,7 +46,6 @@ EXAMPLES = """examples:
       a silo that empties through an opening 12 grains wide
 
 Ctrl-C stops and leaves a valid file with the frames so far, if there are two."""
-OUTPUTS = ("out", "animation")
 SCENES: dict[str, type[Scene]] = {"collapse": Collapse, "chute": Chute, "silo": Silo}
 
 
@@ -66,11 +65,7 @@ def parser() -> Parser:
         help="collapse: a column that is released (the default); chute: a layer on a slope; "
         "silo: grains that leave through an opening in the floor",
     )
-    for flag, metavar, text in (
-        ("--out", "FLOW.h5", "the flow file to write"),
-        ("--animation", "FILE.gif", "the flow as an animated GIF"),
-    ):
-        made.add_argument(flag, type=Path, metavar=metavar, help=text)
+    made.add_argument("--out", type=Path, metavar="FLOW.h5", help="the flow file to write")
     made.add_settings(_settings())
     return made
 
@@ -96,11 +91,11 @@ def _settings() -> dict[str, Setting]:
     }
 
 
-def parse(argv: Sequence[str]) -> tuple[type[Scene], dict[str, Path], dict[str, Any]]:
-    """The class of the scene, the outputs, and the settings of a command line."""
+def parse(argv: Sequence[str]) -> tuple[type[Scene], Path, dict[str, Any]]:
+    """The class of the scene, the flow file, and the settings of a command line."""
     given = vars(parser().parse_args(argv))
     name = given.pop("scene")
-    outputs = {key: given.pop(key) for key in OUTPUTS if key in given}
+    out: Path | None = given.pop("out", None)
     for key in given:
         if key not in settings_of(SCENES[name]):
             other = next(scene for scene, kind in SCENES.items() if key in settings_of(kind))
@@ -108,32 +103,20 @@ def parse(argv: Sequence[str]) -> tuple[type[Scene], dict[str, Path], dict[str, 
                 f"{flag_of(key)} is a setting of a {other}, and this is a {name}: leave it out, "
                 f"or begin with the word {other}"
             )
-    _check(outputs)
-    return SCENES[name], outputs, given
-
-
-def _check(outputs: dict[str, Path]) -> None:
-    """Raises ConfigError if the outputs are impossible, before anything is computed."""
-    if "out" not in outputs:
+    if out is None:
         raise ConfigError("--out, the flow file to write, is missing: give --out FLOW.h5")
-    if "animation" in outputs and outputs["animation"].suffix != ".gif":
-        raise ConfigError(f"--animation must end in .gif, got {outputs['animation']}")
-    for name, path in outputs.items():
-        if objection := objection_to_file(path):
-            raise ConfigError(f"{flag_of(name)} {objection}")
+    if objection := objection_to_file(out):
+        raise ConfigError(f"--out {objection}")
+    return SCENES[name], out, given
 
 
 def run(argv: Sequence[str]) -> int:
-    kind, outputs, settings = parse(argv)
-    scene, out = kind(**settings), outputs["out"]
+    kind, out, settings = parse(argv)
+    scene = kind(**settings)
     t_end = scene.resolved().t_end
     assert t_end is not None
-    flow = simulate(scene, out=out, listener=lines(t_end))
+    simulate(scene, out=out, listener=lines(t_end))
     print(f"flow file: {out}")
-    if "animation" in outputs:
-        from granpinn.figures.animation import animate
-
-        print(f"animation: {animate(flow, outputs['animation'])}")
     return 0
 
 

@@ -89,7 +89,7 @@ def parser() -> Parser:
         "--verbose",
         action="store_true",
         default=False,
-        help="print tables, errors of the fields and every check too, as soon as they are known",
+        help="print tables, errors of the fields and every check too",
     )
     groups = {name: kind.__doc__ or "" for name, kind in sections_of(Config).items()}
     positional = ("flow", "further_flows")

@@ -191,19 +191,8 @@ class PressureSettings:
     )
     cells: int | None = setting(
         None,
-        "cells across its box; none: those of the solver or of the data, at most 512",
-        low=32,
-        high=8192,
-    )
-
-
-@dataclass(frozen=True)
-class ResimulationSettings:
-    """The simulation that --resimulate compares with the data."""
-
-    cells: int | None = setting(
-        None,
-        "cells across the box; none: the grid of the data, at most",
+        "cells across its box, and across that of --resimulate; none: those of the solver or of "
+        "the data, at most 512",
         low=32,
         high=8192,
     )

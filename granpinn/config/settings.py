@@ -28,7 +28,6 @@ from granpinn.config.sections import (
     Network,
     Optimizer,
     PressureSettings,
-    ResimulationSettings,
     Rheology,
     SideWalls,
     Weights,
@@ -158,7 +157,6 @@ class Config:
     batch: Batch = section(Batch)
     optimizer: Optimizer = section(Optimizer)
     simulated_pressure: PressureSettings = section(PressureSettings, free=True)
-    resimulation: ResimulationSettings = section(ResimulationSettings, free=True)
     # The recipe of the Config that `dataclasses.replace` copies; replace passes it on.
     _copied: InitVar[str] = ""
 

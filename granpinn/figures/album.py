@@ -92,33 +92,22 @@ def figures_of(result: Result) -> dict[str, tuple[str, Callable[[Source], Drawin
     return found
 
 
-def draw_all(
-    source: Source, folder: Path, pdf: bool = False
-) -> tuple[list[Picture], list[Missing]]:
-    """Write every possible figure to `folder`; remove old files of figures that are missing.
-
-    Args:
-        pdf: write every figure as a PDF too.
-    """
+def draw_all(source: Source, folder: Path) -> tuple[list[Picture], list[Missing]]:
+    """Write every possible figure to `folder`; remove old files of figures that are missing."""
     make_folder(folder)
     pictures, missing = [], []
     for name, (title, draw) in figures_of(source.result).items():
         path = folder / f"{name}.png"
-        picture = attempt(partial(_write, draw, source, path, title, pdf))
+        picture = attempt(partial(_write, draw, source, path, title))
         if isinstance(picture, NotDone):
             path.unlink(missing_ok=True)
-            path.with_suffix(".pdf").unlink(missing_ok=True)
             missing.append(Missing(title, picture.why))
         else:
             pictures.append(picture)
     return pictures, missing
 
 
-def _write(
-    draw: Callable[[Source], Drawing], source: Source, path: Path, title: str, pdf: bool
-) -> Picture:
+def _write(draw: Callable[[Source], Drawing], source: Source, path: Path, title: str) -> Picture:
     drawing = draw(source)
     save(drawing.figure, path)
-    if pdf:
-        save(drawing.figure, path.with_suffix(".pdf"))
     return Picture(path, title, drawing.caption)

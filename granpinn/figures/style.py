@@ -94,11 +94,7 @@ def label(symbol: str, unit: str | None) -> str:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG or PDF, whose bytes depend on the figure only: no date, no version."""
+    """Write a PNG, whose bytes depend on the figure only: no date, no version."""
     with replacing(path) as temporary, temporary.open("wb") as file, _look():
-        if path.suffix == ".png":  # savefig would draw twice: once for the layout alone
-            canvas: Any = FigureCanvasAgg(figure)
-            canvas.print_png(file, metadata={"Software": None})
-        else:
-            unstated = dict.fromkeys(("Creator", "Producer", "CreationDate"))
-            figure.savefig(file, format=path.suffix[1:], metadata=unstated)
+        canvas: Any = FigureCanvasAgg(figure)  # savefig would draw twice: once for the layout
+        canvas.print_png(file, metadata={"Software": None})

@@ -1,12 +1,4 @@
-"""From the frames of a film to a flow: `granpinn.film(...)`.
-
-frames.py        files -> frames, read by the process of granpinn.foreign
-segmentation.py  grains and background; the free surface
-survey.py        motion, light and faults from frame to frame; the release
-tracking.py      vectors of a frame with their standard deviations, by OpenCV
-measurement.py   this chain, then the conversion of granpinn.importers
-page.py          a picture for every stage
-"""
+"""From the frames of a film to a flow: measurement.py has the stages in their order."""
 
 from __future__ import annotations
 
@@ -31,16 +23,8 @@ WITHOUT = (
 
 @dataclass(frozen=True)
 class FilmSettings(Settings):
-    """The settings of a conversion, the part of the pictures to use, and a tilt from them."""
+    """The settings of a conversion, and the part of the pictures to use."""
 
-    tilt: str = field(
-        default="0 deg",
-        metadata={
-            "group": "frame",
-            "help": "angle of a plumb line in the image: positive if its lower end is to the right "
-            "of the upper one; or auto = across a straight floor in the picture, which is level",
-        },
-    )
     roi: str | None = field(
         default=None,
         metadata={

@@ -5,44 +5,38 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+import re
 import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from granpinn.arrays import Bool, Float64, Int64
+from granpinn.arrays import Bool
 from granpinn.data.flow import Flow, FlowFileWarning, Surface
 from granpinn.filming import FilmSettings
-from granpinn.filming.frames import ImageSequence, Picture, opened
-from granpinn.filming.segmentation import Segmentation, floor, segmented, traced
-from granpinn.filming.survey import Survey, UsableFrames, judged, survey
-from granpinn.filming.tracking import LONGEST, WINDOW, TrackedVectors, velocities
-from granpinn.importers import DataFileError, Settings, convert, units, vector_fields
+from granpinn.filming.frames import ImageSequence, Picture
+from granpinn.filming.segmentation import Segmentation, segmented
+from granpinn.filming.survey import faults, release, survey
+from granpinn.filming.tracking import FEWEST, LONGEST, WINDOW, velocities
+from granpinn.importers import DataFileError, convert, units, vector_fields
 from granpinn.importers.limits import read_file
+from granpinn.importers.settings import SURFACES
 from granpinn.importers.source import frames_of
 
 MAX_FIELDS = 200  # frames with vectors, unless --frames chooses others
 SAMPLES = 9  # pictures for the segmentation
-FEWEST = 30  # vectors of a frame
 SURFACE_SD = 0.1  # of the offset of the line, grain diameters (bench/studies/film)
 RISING = 0.1  # mean velocity against gravity, of the rms speed
 SLOW, FAST = 0.02, 1.5  # acceleration of the fast grains after the release over gravity
-SHOWN = (0.25, 0.6)  # of the fields, for the page
-
-
-class Field(NamedTuple):
-    """A measured frame, for the page."""
-
-    number: int
-    picture: Picture
-    vectors: TrackedVectors
+EVERYTHING = "0:999999999,0:999999999"  # a region of interest
+SHOWN = 0.25, 0.6  # of the frames with vectors, for the page
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +44,16 @@ class Measured:
     """A film and what was measured in it.
 
     Attributes:
-        fields: some frames with their vectors. line: the surface, px, y up, t in frames.
-        said: sentences for the user: pairing, release, segmentation.
+        film: a row for every frame (survey.py). released: frame of the release, if it is seen.
+        vectors: all vectors (tracking.py) with their frame t. pictures: some frames, by number.
+        line: the surface, px, y up, t in frames. said: sentences for the user.
     """
 
     flow: Flow
-    film: Survey
-    judgement: UsableFrames
-    fields: list[Field]
+    film: pd.DataFrame
+    released: float | None
+    vectors: pd.DataFrame
+    pictures: dict[int, Picture]
     line: Surface | None
     said: list[str]
 
@@ -68,117 +64,120 @@ def measure(
     report: Callable[[str], None] | None = None,
 ) -> Measured:
     """The flow of a film with all stages; arguments and errors as of `granpinn.film`."""
-    tell = report or (lambda line: None)
-    grain = _grain(settings)
-    frames = opened([sources] if isinstance(sources, str | Path) else list(sources))
-    frames.region = _region(settings.roi)
+    grain, pixel, frame = _calibration(settings)
+    listed = [sources] if isinstance(sources, str | Path) else sources
+    frames = ImageSequence(listed, _region(settings.roi))
     pictures = frames.sample(SAMPLES)
     rows, columns = pictures[0].shape
-    view = _view(settings.mask, frames, (rows, columns))
-    segmentation = segmented(pictures, grain)
-    tell(f"film: {frames.count} frames of {columns} x {rows} px, grains of {grain:.3g} px")
-    film = survey(frames, lambda p: segmentation.grains(p, view), grain)
-    judgement = judged(film, frames)
-    for text in judgement.said:
-        warnings.warn(text, FlowFileWarning, stacklevel=3)
-    centers, reach = _centers(judgement, settings)
-    parts, fields, levels = _vectors(frames, centers, reach, segmentation, view, grain)
-    said = _said(judgement, [*parts.values()], segmentation)
+    segmentation = segmented(pictures, grain, _view(settings.mask, frames, (rows, columns)))
+    film = survey(frames, segmentation)
+    said = faults(film)
     for text in said:
-        tell(text)
-    times = np.array([*parts], float)
-    kept = [v.kept() for v in parts.values()]
-    t = np.repeat(times, [v.x.size for v in kept])
-    names = ("x", "y", "u", "v", "sd")
-    x, y, u, v, sd = (np.concatenate([getattr(part, name) for part in kept]) for name in names)
-
-    def edge(tilt: float) -> Surface | None:
-        if not segmentation.useful:
-            return None
-        return traced(np.stack(levels), times, grain, (rows, columns), view, tilt)
-
+        warnings.warn(text, FlowFileWarning, stacklevel=3)
+    released, acceleration = release(film)
+    reach = _reach(film, released or 0.0, settings)
+    vectors, shown, levels = _vectors(frames, reach, segmentation, settings.fewest_frames)
+    kept = vectors[vectors.good]
+    pairs = (2 * kept.step).value_counts(normalize=True).sort_index().map("{:.0%}".format)
+    notes = [
+        f"film: {frames.count} frames of {columns} x {rows} px, grains of {grain:.3g} px",
+        f"vectors in {len(levels)} frames, {len(kept)} kept and {len(vectors) - len(kept)} "
+        "rejected; time between their first and last image, chosen by region: "
+        + ", ".join(f"{number} frames: {share}" for number, share in pairs.items()),
+        "the grains move from the first frame on; if they start from rest, give --start"
+        if released is None
+        else f"the grains are released at frame {released:.1f}",
+        f"grains are found by {'texture' if segmentation.texture else 'brightness'}: "
+        f"{segmentation.separated:.0%} of the contrast is theirs"
+        if segmentation.useful
+        else "the picture shows no background: the surface is that of the vectors",
+    ]
     if settings.tilt == "auto":
-        settings, text = _upright(floor(edge(math.pi), grain), u, v, settings)
-        said.append(text)
-        tell(text)
+        tilt, sd = np.degrees(segmentation.floor(levels) or (0.0, math.nan)).tolist()
+        if math.isnan(sd) or _descent(kept, math.radians(tilt)) < RISING:
+            raise DataFileError(
+                "--tilt auto needs background below a straight floor, and grains that fall onto it "
+                "and do not move along it as on a slope: give the angle of a plumb line"
+            )
+        notes.append(f"tilt {tilt:.2f} +- {sd:.2f} deg, of the straight floor, taken as level")
+        settings = dataclasses.replace(settings, tilt=f"{tilt!r} deg")
     angle = units.si(settings.tilt, "angle", "--tilt")
-    _require_falling(u, v, angle, judgement.acceleration, settings)
-    line = edge(angle) if settings.surface == "auto" else None
-    given = None
+    gravity = units.si(settings.gravity, "acceleration", "--gravity")
+    share = acceleration * pixel / frame**2 / gravity
+    _require_falling(share, _descent(kept, angle), settings.force)
+    for text in notes:
+        (report or str)(text)
+    given = line = None
+    if settings.surface in SURFACES and settings.surface != "none":
+        line = segmentation.line(levels, angle)
     if line is not None:
-        keep = _below(line, t, x, rows - y, grain)
-        t, x, y, u, v, sd = (values[keep] for values in (t, x, y, u, v, sd))
+        kept = kept[_below(line, kept, rows, grain)]
         # Pixel 0 reaches from 0 to 1 in the line; its center is 0 in the vectors.
         given = line.t, line.x - 0.5, rows - line.y - 0.5
-        d = units.si(settings.grain_diameter or "", "length", "--grain-diameter")
-        sd_of_line = settings.surface_sd or f"{SURFACE_SD * d!r} m"
+        sd_of_line = settings.surface_sd or f"{SURFACE_SD * grain * pixel!r} m"
         settings = dataclasses.replace(settings, surface_sd=sd_of_line)
-    vectors = vector_fields(
-        **{"t": t, "x": x, "y": y, "u": u, "v": v, "sigma_u": sd, "sigma_v": sd.copy()},
+    start = (float(kept.t.min()) - (released or 0.0)) * frame
+    if settings.start is not None:  # of frame 0
+        start = float(kept.t.min()) * frame + units.si(settings.start, "time", "--start")
+    fields = vector_fields(
+        **{name: kept[name].to_numpy() for name in ("t", "x", "y", "u", "v")},
+        sigma_u=kept.sd.to_numpy(),
+        sigma_v=kept.sd.to_numpy(copy=True),
         length_unit="px",
         time_unit="frame",
         velocity_unit="px/frame",
         y_down=True,
         facts={"format": "film, features by OpenCV", "opencv": cv2.__version__},
     )
-    flow = convert(vectors, _settings(settings, judgement, t), report, given)
-    return Measured(flow, film, judgement, fields, line, said)
+    settings = dataclasses.replace(settings, mask=None, frames=None, start=f"{start!r} s")
+    flow = convert(fields, settings, report, given)
+    return Measured(flow, film, released, vectors, shown, line, said + notes)
 
 
-def _below(line: Surface, t: Float64, x: Float64, y: Float64, grain: float) -> Bool:
+def _below(line: Surface, vectors: pd.DataFrame, rows: int, grain: float) -> Bool:
     """Which vectors [n] have a window below the line.
 
     Grains at the surface hide those below them and have none above: a window that reaches beyond
     them shows the velocity of their centers, which is too slow there (bench/studies/film).
     """
-    keep = np.ones(t.size, bool)
-    for time in np.unique(line.t):
-        points, vectors = line.t == time, t == time
-        tree = cKDTree(np.stack([line.x[points], line.y[points]], -1))
-        places = np.stack([x[vectors], y[vectors]], -1)
-        keep[vectors] = tree.query(places)[0] > WINDOW / 2 * grain
-    return keep
+    reach = WINDOW / 2 * grain
+    apart = 2 * reach  # of two frames: the line of another one is never near
+    tree = cKDTree(np.stack([line.x, line.y, apart * line.t], -1))
+    places = np.stack([vectors.x, rows - vectors.y, apart * vectors.t], -1)
+    return np.asarray(np.isinf(tree.query(places, distance_upper_bound=reach)[0]))
 
 
-def _grain(settings: FilmSettings) -> float:
-    """Diameter of a grain in px."""
-    missing = [
-        f"--{name.replace('_', '-')}"
-        for name in ("scale", "frame_rate", "grain_diameter")
-        if getattr(settings, name) is None
-    ]
-    if missing:
+def _calibration(settings: FilmSettings) -> tuple[float, float, float]:
+    """Diameter of a grain in px, m per px, s per frame."""
+    d, scale, rate = settings.grain_diameter, settings.scale, settings.frame_rate
+    if d is None or scale is None or rate is None:
         raise DataFileError(
-            f"a film needs {', '.join(missing)}, got none: give them as --scale '0.12 mm/px' "
-            "--frame-rate '1500 Hz' --grain-diameter '0.8 mm'"
+            "a film needs --scale '0.12 mm/px', --frame-rate '1500 Hz' and --grain-diameter "
+            "'0.8 mm': give all of them"
         )
-    d = units.si(settings.grain_diameter or "", "length", "--grain-diameter")
-    grain = d / units.scale(settings.scale or "")
+    pixel, frame = units.scale(scale), units.frame_time(rate, "--frame-rate")
+    grain = units.si(d, "length", "--grain-diameter") / pixel
     if not 2 <= grain <= 100:
         raise DataFileError(
             f"a grain must be 2 to 100 px wide, got {grain:.3g} px: check --scale and "
             "--grain-diameter, or film from another distance"
         )
-    return grain
+    return grain, pixel, frame
 
 
 def _region(roi: str | None) -> tuple[slice, slice]:
-    if roi is None:
-        return slice(None), slice(None)
-    try:
-        columns, rows = (slice(*(int(n) for n in part.split(":"))) for part in roi.split(","))
-        good = all(0 <= s.start < s.stop and s.step is None for s in (rows, columns))
-    except (ValueError, TypeError):
-        good = False
-    if not good:
+    """Rows and columns of --roi."""
+    numbers = re.fullmatch(r"(\d{1,9}):(\d{1,9}),(\d{1,9}):(\d{1,9})", roi or EVERYTHING)
+    if numbers is None:
         raise DataFileError(f"--roi must be LEFT:RIGHT,TOP:BOTTOM in px, got {roi!r}")
-    return rows, columns
+    left, right, top, bottom = map(int, numbers.groups())
+    return slice(top, bottom), slice(left, right)
 
 
-def _view(mask: str | None, frames: ImageSequence, shape: tuple[int, ...]) -> Picture | None:
-    """Not 0 where the mask image is bright."""
+def _view(mask: str | None, frames: ImageSequence, shape: tuple[int, ...]) -> Picture:
+    """Not 0 where the mask image is bright, if there is one."""
     if mask is None:
-        return None
+        return np.full(shape, 255, np.uint8)
     image = read_file("frames", Path(mask))["frames"][0][frames.region]
     if image.shape != shape:
         raise DataFileError(
@@ -187,144 +186,75 @@ def _view(mask: str | None, frames: ImageSequence, shape: tuple[int, ...]) -> Pi
     return np.where(image > image.max() / 2, 255, 0).astype(np.uint8)
 
 
-def _centers(judgement: UsableFrames, settings: FilmSettings) -> tuple[list[int], Int64]:
-    """Frames that get vectors, and for every frame the largest h [T]."""
-    index = np.arange(judgement.whole.size)
-    run = pd.Series(index).groupby(np.cumsum(~judgement.joined))
-    before, later = run.cumcount(), run.cumcount(ascending=False)
-    reach = np.where(judgement.whole, np.minimum(before, later), 0)
-    since = np.floor(index - (judgement.release or 0.0)).astype(int)
-    reach = np.minimum(reach, np.maximum(since, 0))  # grains at rest are no part of the motion
-    good = reach > 0
+def _reach(film: pd.DataFrame, start: float, settings: FilmSettings) -> dict[int, int]:
+    """The largest h of every frame that gets vectors."""
+    run = film.groupby((~film.joined).cumsum())
+    since = np.floor(film.index - start)  # grains at rest are no part of the motion
+    reach = np.minimum(np.minimum(run.cumcount(), run.cumcount(ascending=False)), since)
+    reach = reach.where(film.whole, 0)
     if settings.frames is not None:
-        good &= np.isin(index, index[frames_of(settings.frames)])
-    centers = np.flatnonzero(good)
-    if settings.frames is None and centers.size > MAX_FIELDS:
-        centers = centers[np.linspace(0, centers.size - 1, MAX_FIELDS).astype(int)]
-    if centers.size < settings.fewest_frames:
-        raise DataFileError(
-            f"{settings.fewest_words} between whole frames must show the flow, got {centers.size}: "
-            "give more frames"
-        )
-    return centers.tolist(), reach
+        reach = reach[frames_of(settings.frames)]
+    reach = reach[reach > 0]
+    if settings.frames is None and len(reach) > MAX_FIELDS:
+        reach = reach.iloc[np.linspace(0, len(reach) - 1, MAX_FIELDS).astype(int)]
+    return {int(k): int(h) for k, h in reach.items()}
 
 
 def _vectors(
-    frames: ImageSequence,
-    centers: list[int],
-    reach: Int64,
-    segmentation: Segmentation,
-    view: Picture | None,
-    grain: float,
-) -> tuple[dict[int, TrackedVectors], list[Field], list[Any]]:
-    """The second pass: vectors, by their frame, and level of grains; few frames in memory."""
-    wanted, shown = set(centers), {centers[int(s * len(centers))] for s in SHOWN}
-    parts: dict[int, TrackedVectors] = {}
-    fields, levels = [], []
+    frames: ImageSequence, reach: dict[int, int], segmentation: Segmentation, fewest: int
+) -> tuple[pd.DataFrame, dict[int, Picture], dict[int, Any]]:
+    """The second pass, with few frames in memory.
+
+    Returns:
+        vectors, some pictures, and the level of grains of every frame with vectors.
+    """
+    chosen = {[*reach][int(share * len(reach))] for share in SHOWN if reach}
+    parts: list[pd.DataFrame] = []
+    shown: dict[int, Picture] = {}
+    levels: dict[int, Any] = {}
     ring: deque[Any] = deque([None] * (2 * LONGEST + 1), 2 * LONGEST + 1)
-    following = itertools.chain((frame.picture for frame in frames), [None] * LONGEST)
+    following = itertools.chain((picture for picture, _ in frames), [None] * LONGEST)
     for c, picture in enumerate(following, -LONGEST):
         ring.append(picture)
-        if c not in wanted:
+        if c not in reach:
             continue
-        now = dict(zip(range(-LONGEST, LONGEST + 1), ring, strict=True))
-        vectors = velocities(now, grain, segmentation.grains(now[0], view), int(reach[c]))
-        if vectors.good.sum() < FEWEST:
-            continue
-        parts[c] = vectors
-        levels.append(segmentation.level(now[0]))
-        if c in shown:
-            fields.append(Field(c, now[0], vectors))
-    if len(parts) < 2:
+        near = dict(zip(range(-LONGEST, LONGEST + 1), ring, strict=True))
+        where = segmentation.grains(near[0])
+        vectors = velocities(near, segmentation.grain, where, reach[c])
+        if vectors.good.any():
+            parts.append(vectors.assign(t=float(c)))
+            levels[c] = segmentation.level(near[0])
+            shown |= {c: near[0]} if c in chosen else {}
+    if len(parts) < fewest:
         raise DataFileError(
-            f"at least two frames must have {FEWEST} vectors in the grains, got {len(parts)}: "
-            "check --scale and --grain-diameter, the light and the sharpness of the film"
+            f"at least {fewest} frames, whole and after the release, must have {FEWEST} vectors in "
+            f"the grains, got {len(parts)}: give more frames, and check --scale, "
+            "--grain-diameter, the light and the sharpness of the film"
         )
-    return parts, fields, levels
+    return pd.concat(parts, ignore_index=True), shown, levels
 
 
-def _upright(
-    found: tuple[float, float] | None, u: Float64, v: Float64, settings: FilmSettings
-) -> tuple[FilmSettings, str]:
-    """The settings with the tilt of a level floor, and how it was found.
-
-    Grains that flow down to a level floor fall on the average; those on a slope move along it.
-    """
-    if found is None:
-        raise DataFileError(
-            "--tilt auto needs a straight floor with background below it in the picture, got none: "
-            "give the angle of a plumb line"
-        )
-    angle, sd = (math.degrees(value) for value in found)
-    if _descent(u, v, found[0]) < RISING:
-        raise DataFileError(
-            f"--tilt auto takes the floor, at {angle:.1f} deg, as level, but the grains move along "
-            "it, as on a slope: give the angle of a plumb line"
-        )
-    text = f"tilt {angle:.2f} +- {sd:.2f} deg, of the straight floor, which is taken as level"
-    return dataclasses.replace(settings, tilt=f"{angle!r} deg"), text
-
-
-def _descent(u: Float64, v: Float64, angle: float) -> float:
+def _descent(vectors: pd.DataFrame, angle: float) -> float:
     """Mean velocity along gravity, of the rms speed."""
-    return float(np.mean(math.sin(angle) * u + math.cos(angle) * v) / np.sqrt(np.mean(u**2 + v**2)))
+    u, v = vectors.u, vectors.v
+    return float((math.sin(angle) * u + math.cos(angle) * v).mean() / np.sqrt((u**2 + v**2).mean()))
 
 
-def _require_falling(
-    u: Float64, v: Float64, angle: float, acceleration: float, settings: FilmSettings
-) -> None:
+def _require_falling(share: float, descent: float, force: bool) -> None:
     """Refuses a film in which grains rise or gain speed faster than in a free fall.
 
-    Warns of an acceleration after the release that is a small part of gravity.
+    Warns of an acceleration after the release that is a small share of gravity.
     """
-    gravity = units.si(settings.gravity, "acceleration", "--gravity")
-    frame = units.frame_time(settings.frame_rate or "", "--frame-rate")
-    share = acceleration * units.scale(settings.scale or "") / frame**2 / gravity
     said = (
         f"the grains gain speed with {share:.2g} times gravity after the release, expected {SLOW} "
         f"to {FAST}: check --frame-rate, whose square is in it, and --scale"
     )
     if share < SLOW:
         warnings.warn(said, FlowFileWarning, stacklevel=4)
-    if share > FAST and not settings.force:
-        raise DataFileError(f"{said}, or give --force")
-    if _descent(u, v, angle) < -RISING and not settings.force:
-        raise DataFileError(
+    if descent < -RISING:
+        said = (
             "grains must fall on the average, but they rise: turn the pictures the right way up, "
-            "check --tilt and the order of the frames, or give --force"
+            "check --tilt and the order of the frames"
         )
-
-
-def _said(
-    judgement: UsableFrames, parts: list[TrackedVectors], segmentation: Segmentation
-) -> list[str]:
-    """How frames were paired, how many vectors passed, the release and the segmentation."""
-    good = np.concatenate([v.good for v in parts])
-    steps, counts = np.unique(np.concatenate([v.step for v in parts])[good], return_counts=True)
-    shares = counts / good.sum()
-    pairs = ", ".join(f"{2 * h} frames: {n:.0%}" for h, n in zip(steps, shares, strict=True))
-    release = judgement.release
-    kind = "texture" if segmentation.texture else "brightness"
-    return [
-        f"vectors in {len(parts)} frames, {good.sum()} kept and {(~good).sum()} rejected; time "
-        f"between their first and last image, chosen by region: {pairs}",
-        "the grains move from the first frame on; if they start from rest, give --start"
-        if release is None
-        else f"the grains are released at frame {release:.1f}",
-        f"grains are found by {kind}: {segmentation.separated:.0%} of the contrast is theirs"
-        if segmentation.useful
-        else "the picture shows no background: the surface is that of the vectors",
-    ]
-
-
-def _settings(settings: FilmSettings, judgement: UsableFrames, t: Float64) -> Settings:
-    """The settings of the conversion: times count from the release."""
-    if settings.surface in ("mask", "fraction"):
-        raise DataFileError(f"--surface {settings.surface} is not for films: leave it out")
-    frame = units.frame_time(settings.frame_rate or "", "--frame-rate")
-    first = float(t.min()) * frame
-    if settings.start is not None:  # of the first frame of the film
-        first += units.si(settings.start, "time", "--start")
-    else:
-        first -= (judgement.release or 0.0) * frame
-    return dataclasses.replace(settings, mask=None, frames=None, start=f"{first!r} s")
+    if not force and (share > FAST or descent < -RISING):
+        raise DataFileError(f"{said}, or give --force")

@@ -1,21 +1,20 @@
 """What a film shows before any measurement: motion, light and sharpness from frame to frame.
 
-Every frame is compared with the one before it. `judged` finds from this the release of the grains,
-and the frames over which no velocity may be measured.
+Every frame is compared with the one before it. This shows the faults of the film, the frames over
+which no velocity may be measured, and the release of the grains.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from textwrap import shorten
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from granpinn.arrays import Bool, Float64
 from granpinn.filming.frames import ImageSequence, Picture
+from granpinn.filming.segmentation import Segmentation
 from granpinn.filming.tracking import LARGEST, features, follow, side_of_window
 from granpinn.importers.vectors import DataFileError
 
@@ -31,163 +30,107 @@ SHIFT = 0.4  # px, motion of the slowest features that is none of the grains
 FLICKER = 0.05  # change of the light from one frame to the next
 BLURRED = 0.5  # sharpness over that of the film
 FOUND = 0.5  # share of the features that can be followed
-SHOWN = 6  # frame numbers in a message
+MOST_LOST = 0.1  # of the frames
+COLUMNS = ("fast", "slow", "found", "light", "sharp", "why")
 
 
-@dataclass
-class Survey:
-    """Of every frame k [T]; motion is that from frame k - 1 to frame k, NaN where not known.
-
-    Attributes:
-        fast, slow: quantiles of the motion, px. found: share of the features that were followed.
-        light: mean grey level. sharp: mean square of the second differences.
-        broken: why a frame cannot be used.
-    """
-
-    fast: Float64
-    slow: Float64
-    found: Float64
-    light: Float64
-    sharp: Float64
-    broken: dict[int, str] = field(default_factory=dict)
-
-
-@dataclass
-class UsableFrames:
-    """The frames that can be measured, the release, and the faults of the film.
-
-    Attributes:
-        whole: frames that can be used [T].
-        joined: whether a velocity may be measured across frames k - 1 and k [T].
-        release: the time of the release, in frames; None: the grains move from the first frame on.
-        acceleration: of the fast grains after it, px/frame^2.
-        said: a sentence for each fault.
-    """
-
-    whole: Bool
-    joined: Bool
-    release: float | None
-    acceleration: float
-    said: list[str]
-
-
-def survey(frames: ImageSequence, grains: Callable[[Picture], Picture], grain: float) -> Survey:
+def survey(frames: ImageSequence, segmentation: Segmentation) -> pd.DataFrame:
     """Looks at every frame once.
 
-    Args:
-        grains: a picture to its pixels that show grains, not 0 [rows, columns].
-        grain: diameter, px.
+    Returns:
+        A row for every frame k. fast, slow: quantiles of the motion from frame k - 1, px. found:
+        share of the features that were followed. light: mean grey level. sharp: mean square of the
+        second differences. NaN where not known. why: why a frame cannot be used.
     """
-    found = Survey(*np.full((5, frames.count), np.nan))
+    grain = segmentation.grain
+    rows: list[dict[str, Any]] = []
     before: Picture | None = None
     places = np.zeros((0, 2))
     for k, (picture, why) in enumerate(frames):
-        if picture is None:
-            found.broken[k] = why
-            before, places = None, places[:0]
-            continue
-        found.light[k] = picture[::2, ::2].mean()
-        found.sharp[k] = np.mean(np.diff(picture[::2].astype(np.float32), 2) ** 2)
-        if before is not None:
+        row: dict[str, Any] = {"why": why}
+        if picture is not None:
+            row["light"] = picture[::2, ::2].mean()
+            row["sharp"] = np.mean(np.diff(picture[::2].astype(np.float32), 2) ** 2)
+        if picture is None or before is None:
+            places = places[:0]
+        else:
             if k % RENEWED == 0 or len(places) < SAMPLES // 2:
-                places = features(before, grain, grains(before), SAMPLES)
+                places = features(before, grain, segmentation.grains(before), SAMPLES)
             moved, again = follow(before, picture, places, side_of_window(grain))
-            found.found[k] = again.sum() / max(len(places), 1)
+            row["found"] = again.sum() / max(len(places), 1)
             if again.any():
-                size = np.hypot(*moved[again].T)
-                found.slow[k], found.fast[k] = np.quantile(size, (SLOW, FAST))
+                row["slow"], row["fast"] = np.quantile(np.hypot(*moved[again].T), (SLOW, FAST))
             places = (places + moved)[again]
+        rows.append(row)
         before = picture
-    return found
+    return pd.DataFrame(rows, columns=[*COLUMNS])
 
 
-def judged(film: Survey, frames: ImageSequence) -> UsableFrames:
-    """Faults of the film, and the release.
+def faults(film: pd.DataFrame) -> list[str]:
+    """A sentence for each fault of the film.
+
+    `film` gets two columns: whether a frame can be used (`whole`), and whether a velocity may be
+    measured across it and the frame before it (`joined`).
 
     Raises:
-        DataFileError: the film shows no texture, or the grains move too far between frames.
+        DataFileError: the film shows no texture, no motion or too much of it.
     """
-    whole = np.isfinite(film.light)
-    said = [f"{frames.name(k)} is left out: {why}" for k, why in [*film.broken.items()][:SHOWN]]
-    if whole.sum() < frames.count / 2:
+    readable, fast = film.light.notna(), film.fast
+    said = [f"frame {k} is left out: {why}" for k, why in film.why[~readable].items()]
+    lost = (film.found < FOUND) | (fast > LARGEST)
+    if lost.mean() > MOST_LOST:
         raise DataFileError(
-            f"at least half of the frames must be readable, got {int(whole.sum())} of "
-            f"{frames.count}: {said[0]}"
+            f"the grains must have texture and move by at most {LARGEST:g} px from frame to frame, "
+            f"but in {_numbers(lost)} they move farther, or less than half of the features are "
+            "found again: film at a higher frame rate, light the grains from the side, or change "
+            "the distance of the camera"
         )
-    _require_motion(film)
-    before, after = np.roll(film.fast, 1), np.roll(film.fast, -1)
+    if fast.quantile(FAST) < STILL:
+        raise DataFileError(
+            f"the grains must move, got at most {fast.max():.2g} px from frame to frame: give the "
+            "frames of the flow, or every tenth frame with a tenth of the frame rate"
+        )
+    usual = film[["slow", "light"]].rolling(2 * AROUND + 1, center=True, min_periods=1).median()
+    before, after = fast.shift(1), fast.shift(-1)
     moving = np.minimum(before, after) > 4 * STILL
-    repeated = moving & (film.fast < REPEATED * np.minimum(before, after))
-    lost = moving & (film.fast > LOST * np.maximum(before, after))
-    shifted = (film.slow > SHIFT) & (film.slow > 3 * _usual(film.slow) + SHIFT)
-    blurred = film.sharp < BLURRED * np.nanmedian(film.sharp)
-    level = _usual(film.light)
-    flicker = np.abs(film.light / level - 1) > FLICKER
+    repeated = moving & (fast < REPEATED * np.minimum(before, after))
+    shifted = (film.slow > SHIFT) & (film.slow > 3 * usual.slow + SHIFT)
+    gap = moving & (fast > LOST * np.maximum(before, after)) & ~shifted
+    blurred = film.sharp < BLURRED * film.sharp.median()
+    flicker = (film.light / usual.light - 1).abs() > FLICKER
     for fault, what in (
         (repeated, "shows the same picture as the frame before it: frames are repeated"),
-        (lost & ~shifted, "comes after a gap: frames are lost, and times after it are too early"),
+        (gap, "comes after a gap: frames are lost, and times after it are too early"),
         (shifted, "is shifted as a whole: the camera moved"),
         (blurred, "is blurred: expose it for a shorter time, or focus the camera"),
         (flicker, "has another brightness than the frames around it: the light flickers"),
     ):
         if fault.any():
             said.append(f"{_numbers(fault)} {what}; no velocity is measured across it")
-    joined = whole & ~(repeated | lost | shifted)
-    joined[1:] &= whole[:-1]
-    joined[0] = False
-    return UsableFrames(whole & ~blurred & ~flicker, joined, *_release(film.fast), said)
+    film["joined"] = readable & readable.shift(fill_value=False) & ~(repeated | gap | shifted)
+    film["whole"] = readable & ~blurred & ~flicker
+    return said
 
 
-def _require_motion(film: Survey) -> None:
-    """Refuses films without texture, without motion, or with too much of it."""
-    lost = film.found < FOUND
-    if lost.mean() > FOUND / 5:
-        raise DataFileError(
-            "the grains must have texture and move by a few px from frame to frame, but in "
-            f"{lost.sum()} of {lost.size} frames, such as {_numbers(lost)}, less than half of the "
-            "features are found again: film at a higher frame rate, light the grains from the "
-            "side, or come nearer with the camera"
-        )
-    fast = float(np.nanquantile(film.fast, FAST))
-    if fast > LARGEST:
-        raise DataFileError(
-            f"grains must move by at most {LARGEST:g} px from frame to frame, got {fast:.3g} px: "
-            "film at a higher frame rate, or from farther away"
-        )
-    if fast < STILL:
-        raise DataFileError(
-            f"the grains must move, got at most {fast:.2g} px from frame to frame: give the frames "
-            "of the flow, or every tenth frame with a tenth of the frame rate"
-        )
+def release(film: pd.DataFrame) -> tuple[float | None, float]:
+    """The time of the release, in frames, and the acceleration of the fast grains, px/frame^2.
 
-
-def _usual(values: Float64) -> Float64:
-    """Median of each value and the AROUND ones before and after it."""
-    around = pd.Series(values).rolling(2 * AROUND + 1, center=True, min_periods=1)
-    return np.asarray(around.median())
-
-
-def _release(fast: Float64) -> tuple[float | None, float]:
-    """The time at which the line through the first motions is zero, in frames, and its slope.
-
-    The motion from frame k - 1 to k is that of the time k - 1/2.
+    It is the time at which the line through the first motions is zero; None: the grains move from
+    the first frame on. The motion from frame k - 1 to k is that of the time k - 1/2.
     """
-    noise = float(np.nanquantile(fast, 0.02))  # before the release there is nothing else
-    known = np.nan_to_num(fast)
+    noise = film.fast.quantile(0.02)  # before the release there is nothing else
+    known = film.fast.fillna(0.0).to_numpy()
     moves = known > max(STILL, NOISE * noise)
-    moving = np.flatnonzero(moves[:-2] & moves[1:-1] & moves[2:])
-    if moving.size == 0 or moving[0] <= 1:
+    first = int(np.argmax(moves[:-2] & moves[1:-1] & moves[2:]))  # 0: never
+    if first <= 1:
         return None, math.nan
-    first = known[moving[0] : moving[0] + STARTING]
-    steady = int(np.argmax(np.append(first > known.max() / 2, True)))
-    k = moving[0] + np.flatnonzero(first[: max(steady, 3)] > noise)
+    k = np.arange(first, min(first + STARTING, known.size))
+    k = k[(known[k] > noise) & ((known[k] < known.max() / 2) | (k < first + 3))]
     slope, level = np.polyfit(k - 0.5, np.sqrt(known[k] ** 2 - noise**2), 1)
-    start = -level / slope if slope > 0 else moving[0] - 1.0
-    return float(np.clip(start, moving[0] - STARTING, moving[0])), float(slope)
+    start = -level / slope if slope > 0 else first - 1.0
+    return float(np.clip(start, first - STARTING, first)), float(slope)
 
 
-def _numbers(faults: npt.NDArray[np.bool_]) -> str:
-    """frames 3, 7, 12 and 9 more."""
-    numbers = np.flatnonzero(faults)
-    more = f" and {numbers.size - SHOWN} more" if numbers.size > SHOWN else ""
-    return f"frame {', '.join(map(str, numbers[:SHOWN]))}{more}"
+def _numbers(faults: pd.Series) -> str:
+    """Frame 3, 7, 12, ..."""
+    return "frame " + shorten(", ".join(map(str, np.flatnonzero(faults))), 40, placeholder=" ...")

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from granpinn.arrays import Floats
-from granpinn.config import Config, ConfigError, SideWalls
+from granpinn.config import Config, ConfigError
 from granpinn.data import (
     Flow,
     add_noise,
@@ -57,12 +57,11 @@ class Shared:
     Args:
         flow: as in its file; of a large flow, frames spread over its time.
         seen: as the training saw it.
-        side_walls: their friction, as the training took it.
+        config: of the training.
     """
 
-    def __init__(self, flow: Flow, seen: Flow, side_walls: SideWalls) -> None:
-        self._flow, self._seen, self._side_walls = flow, seen, side_walls
-        self._surface_sd: dict[str, float] = {}
+    def __init__(self, flow: Flow, seen: Flow, config: Config) -> None:
+        self._flow, self._seen, self._config = flow, seen, config
         self._balance: dict[float, Baseline] = {}
 
     @cached_property
@@ -70,16 +69,15 @@ class Shared:
         """D2 of the velocity in the file at the points of the fields [K]."""
         return strain_rate_of(self._flow)
 
-    def surface_sd(self, level: str) -> float:
+    @cached_property
+    def surface_sd(self) -> float:
         """Standard deviation of the offset of the surface line (granpinn/data/surface.py)."""
-        if level not in self._surface_sd:
-            self._surface_sd[level] = surface_sd(self._flow, level)
-        return self._surface_sd[level]
+        return surface_sd(self._flow, self._config.level)
 
     def balance(self, scale: float) -> Baseline:
         """The momentum balance with a law of an inertial scale."""
         if scale not in self._balance:
-            self._balance[scale] = baseline(self._seen, scale, self._side_walls)
+            self._balance[scale] = baseline(self._seen, scale, self._config.side_walls)
         return self._balance[scale]
 
 
@@ -209,7 +207,7 @@ def posed(flow: Flow, slips: tuple[Reason, ...], config: Config) -> Case:
         whole=whole,
         known_sd=known_sd(seen),
         facts=facts.without_arrays(),
-        shared=Shared(shown, seen, config.side_walls),
+        shared=Shared(shown, seen, config),
     )
 
 

@@ -30,7 +30,6 @@ class Context:
         uncertain: the assumptions whose effect enters the error bars.
         of_laws: place in the run of every law of a comparison.
         folder: where the result is written; None: nowhere.
-        keep_fields: whether fields.h5 is written there.
         fields: the predicted fields, where they are kept.
         shear: the points of the fields where grains shear.
         pool: threads for simulations side by side.
@@ -45,7 +44,6 @@ class Context:
     uncertain: tuple[Assumption, ...] = ()
     of_laws: Mapping[str, int] = field(default_factory=dict)
     folder: Path | None = None
-    keep_fields: bool = True
     fields: Fields | None = None
     shear: Shear | None = None
     pool: Executor | None = None
@@ -87,13 +85,13 @@ class Context:
         cohesion = self.model.law.cohesion_of(self.result.theta)
         self.shear = shear_of(fields, cohesion)
         self.score(fields)
-        if self.keep_fields and self.folder is not None:
+        if self.folder is not None:
             write_fields(fields, self.folder / "fields.h5")
 
     def score(self, fields: Fields) -> None:
         """Take errors of fields and parameters against the reference in the flow file."""
-        scores = ensemble.scores(self.case, self.model, fields, self.result.parameters)
-        self.result = dataclasses.replace(self.result, **scores._asdict())
+        errors = ensemble.errors(self.case, self.model, fields, self.result.parameters)
+        self.result = dataclasses.replace(self.result, error_percent=errors)
 
     def draw_curve(self) -> None:
         """Take the law over the range of I where grains shear, with its band."""

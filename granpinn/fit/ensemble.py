@@ -15,9 +15,9 @@ from granpinn.fit.case import Case, Model
 from granpinn.fit.prediction import inertial_range
 from granpinn.physics.laws import DEFAULT
 from granpinn.physics.terms import NAMES
-from granpinn.results import Fields, Parameter, Parameters, Residuals, Result
+from granpinn.results import ErrorPercent, Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.identified_law import IdentifiedLaw
-from granpinn.results.records import Assumed, Loss, Members
+from granpinn.results.records import Assumed, Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars
@@ -51,11 +51,12 @@ def model_of(case: Case, trainer: Trainer, e: int) -> Model:
     return Model(problem.spec, problem.physics, *trainer.solution(e), case.scales, law)
 
 
-def residuals_of(case: Case, loss: Loss | None) -> Residuals | None:
+def residuals_of(case: Case, trainer: Trainer, e: int) -> Residuals | None:
     """The residuals of a trained member; None if one of them is not finite."""
-    if loss is None:
+    terms = final_terms(trainer, e)
+    if not all(map(math.isfinite, terms)):
         return None
-    rms = {name: math.sqrt(2 * term) for name, term in loss.terms.items()}  # terms are halves
+    rms = {name: math.sqrt(2 * term) for name, term in zip(NAMES, terms, strict=True)}  # halves
     noise = case.scales.to_dimensionless(case.known_sd, "velocity") * math.sqrt(2)
     speed = _rms_speed(case)
     return Residuals(rms, velocity=rms["velocity"] / speed, noise=noise / speed)
@@ -128,8 +129,8 @@ def result(
         assumed: assumptions and their effect on the law.
     """
     flow, config, data = case.flow, case.config, case.member.data
-    loss, failure = final_loss(run.trainer, e), run.trainer.diverged.get(e)
-    residuals, steps = residuals_of(case, loss), run.trainer.step
+    failure, steps = run.trainer.diverged.get(e), run.trainer.step
+    residuals = residuals_of(case, run.trainer, e)
     I_range = inertial_range(data, model)
     law = _law(case, members, residuals, steps, failure is not None, assumed, I_range)
     return Result(
@@ -139,7 +140,7 @@ def result(
         recipe=config.recipe,
         seed=config.seed,
         data=data_of(case),
-        timing=results.Timing(run.wall_s, steps, steps / run.wall_s if run.wall_s else None),
+        timing=results.Timing(run.wall_s, steps),
         device=str(run.trainer.params.device),
         versions=results.versions(),
         input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
@@ -147,7 +148,6 @@ def result(
         stopped=run.stopped if failure is None else "diverged",
         failure=failure,
         truth=flow.truth,
-        loss=loss,
         members=members,
         residuals=residuals,
     )
@@ -201,7 +201,7 @@ def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -
     return dataclasses.replace(result, **law)
 
 
-def scores(case: Case, model: Model, maps: Fields, parameters: Parameters) -> scoring.Scores:
+def errors(case: Case, model: Model, maps: Fields, parameters: Parameters) -> ErrorPercent:
     """Errors of a result against the reference in its flow file, by its fields."""
     at_particles = prediction.velocity_at_particles(case.flow, model)
     return scoring.score(case.flow, maps, parameters, lambda: case.shared.strain_rate, at_particles)
@@ -212,17 +212,17 @@ CHUNK = 16384  # points per evaluation
 
 
 @torch.no_grad()
-def final_loss(trainer: Trainer, member: int) -> Loss | None:
-    """Mean terms of a member after the steps of the training (`Trainer.trained`).
+def final_terms(trainer: Trainer, e: int) -> list[float]:
+    """Mean terms of the loss of member e after the steps of the training (`Trainer.trained`).
 
     The loss of a step is over a small batch, whose scatter hides the differences between two laws.
     Points of the equations above the highest vectors are left out: no vector holds the velocity
     there, so their residuals say nothing about the law.
 
     The mean is over every k-th point, at most `MOST_POINTS`, without those of the strip, which are
-    pooled behind the vectors and the points between them. None if a term is not finite.
+    pooled behind the vectors and the points between them.
     """
-    objective, e = trainer.objective, member
+    objective = trainer.objective
     params, theta = trainer.trained(e)
     data = objective.data(e)
     own = objective.members[e].data
@@ -240,14 +240,7 @@ def final_loss(trainer: Trainer, member: int) -> Loss | None:
     velocity, equations = (len(inside) * weight for weight in weights)
     counts = dict.fromkeys(NAMES, equations)
     counts |= {"velocity": velocity, "surface": max(1, len(surface))}
-    means = [total / counts[name] for total, name in zip(sums, NAMES, strict=True)]
-    if not all(map(math.isfinite, means)):
-        return None
-    return Loss(len(inside), _named(means), _named(trainer.final_weights(e)))
-
-
-def _named(values: list[float]) -> dict[str, float]:
-    return dict(zip(NAMES, values, strict=True))
+    return [total / counts[name] for total, name in zip(sums, NAMES, strict=True)]
 
 
 def _every_kth(count: int) -> torch.Tensor:

@@ -41,15 +41,14 @@ CHUNK = 32768  # points per evaluation: bounds the memory and leaves the values 
 SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in the residuals: no division by zero at rest
 
 
-def predict(flow: Flow, model: Model, chunk: int = CHUNK) -> Fields:
+def predict(flow: Flow, model: Model) -> Fields:
     """The fields of a model at all points inside the grains, in the units of `flow`.
 
     Args:
         flow: the file's own flow, without added noise: u, v and p become the reference values.
-        chunk: points per evaluation.
     """
     scales, (points, cells) = model.scales, test_grid(flow, model.scales)
-    values = values_at(points, axes_of(flow), model, chunk)
+    values = values_at(points, axes_of(flow), model)
     if flow.source is not None:
         _subtract_source(values, flow, points, scales)
     for name, known in (("u", flow.u), ("v", flow.v), ("p", flow.p)):
@@ -69,17 +68,16 @@ def predict(flow: Flow, model: Model, chunk: int = CHUNK) -> Fields:
     )
 
 
-def values_at(points: Tensor, axes: Axes, model: Model, chunk: int = CHUNK) -> dict[str, Float32]:
+def values_at(points: Tensor, axes: Axes, model: Model) -> dict[str, Float32]:
     """The predicted `fields.VARIABLES` [N] in the units and axes of a flow.
 
     Args:
         points: (x, y, t) [N, 3] in the axes of the flow, dimensionless.
         axes: of the training.
-        chunk: points per evaluation.
     """
     values: dict[str, Float32] = {}
-    for start in range(0, len(points), chunk):
-        part = _turned(points[start : start + chunk], axes).to(model.params)
+    for start in range(0, len(points), CHUNK):
+        part = _turned(points[start : start + CHUNK], axes).to(model.params)
         found = evaluate(part, model.spec, model.params, model.law, model.theta, model.physics)
         for name, value in _turned_back(found, axes).items():
             if name not in values:
@@ -87,7 +85,7 @@ def values_at(points: Tensor, axes: Axes, model: Model, chunk: int = CHUNK) -> d
             kind = VARIABLES[name][0]
             if kind in get_args(Quantity):
                 value = model.scales.to_physical(value, kind)  # type: ignore[arg-type]
-            values[name][start : start + chunk] = value.cpu().numpy()
+            values[name][start : start + CHUNK] = value.cpu().numpy()
     return values
 
 
@@ -230,19 +228,16 @@ def inertial_range(data: TrainingSet, model: Model) -> tuple[float, float] | Non
     points = own[:: max(1, len(own) // POINTS)].to(model.params)
     found = evaluate(points, model.spec, model.params, model.law, model.theta, model.physics)
     number = found["I"][found["D2"] >= D2_STAGNANT].cpu().double().numpy()
-    return percentiles(number, np.ones(number.shape))
+    return percentiles(number)
 
 
 def with_curve(result: Result, case: Case, shear: Shear) -> Result:
     """The result with its law over the I of the points that shear, and without the parameters that
     this range, or the walls, do not determine.
-
-    The loss weights every point alike.
     """
-    weight = np.ones(shear.I.shape)
     reason = undetermined(case.seen, case.config.level)
     if reason is not None:
-        result = applied(result, unfixed(result, shear.I, weight, reason))
-    elif (found := determined(result, shear.I, weight)) is not None:
+        result = applied(result, unfixed(result, shear.I, reason))
+    elif (found := determined(result, shear.I)) is not None:
         result = applied(result, found)
-    return curve_over(result, shear.I, weight, shear.ratio)
+    return curve_over(result, shear.I, shear.ratio)

@@ -12,29 +12,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
 from granpinn.arrays import Bool, Floats
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
-from granpinn.results import ErrorPercent, Fields, InertialNumber, Parameter, Parameters, Zones
-from granpinn.results.fields import D2_STAGNANT, after_start, flowing
-
-
-class Scores(NamedTuple):
-    error_percent: ErrorPercent
-    zones: Zones | None
-    inertial_number: InertialNumber
-
-
-class Split(NamedTuple):
-    """Flowing points [K], stagnant points [K], and the source of their strain rate."""
-
-    source: str
-    flowing: Bool
-    stagnant: Bool
+from granpinn.results import ErrorPercent, Fields, Parameter, Parameters
+from granpinn.results.fields import after_start, flowing
 
 
 def scalar_error(parameter: Parameter, true: float | None) -> float | None:
@@ -80,7 +65,7 @@ def score(
     parameters: Parameters,
     measured: Callable[[], Floats],
     at_particles: Floats | None = None,
-) -> Scores:
+) -> ErrorPercent:
     """All errors of one identification against the reference values of the flow file.
 
     Args:
@@ -103,11 +88,10 @@ def score(
         if not parameter.fixed
     }
     errors["velocity"] = relative_l2(*_velocities(flow, fields, at_particles))
-    zones = None
     if "p_reference" in values:
         known = np.isfinite(values["p_reference"]) & counted
-        split = zones_of(flow, fields, measured)
-        masks = {"": known, "_flowing": known & split.flowing, "_stagnant": known & split.stagnant}
+        flows, rests = zones_of(flow, fields, measured)
+        masks = {"": known, "_flowing": known & flows, "_stagnant": known & rests}
         for zone, mask in masks.items():
             reference = values["p_reference"]
             errors[f"pressure{zone}"] = relative_l2(values["p"][mask], reference[mask])
@@ -115,24 +99,20 @@ def score(
                 simulated = mask & np.isfinite(values["p_simulated"])
                 error = relative_l2(values["p_simulated"][simulated], reference[simulated])
                 errors[f"pressure_simulated{zone}"] = error
-        counts = (int(np.sum(masks[zone])) for zone in ("_flowing", "_stagnant"))
-        zones = Zones(D2_STAGNANT, split.source, *counts)
-    q05, median, q95 = np.quantile(values["I"][counted], (0.05, 0.5, 0.95)).tolist()
-    return Scores(ErrorPercent(**errors), zones, InertialNumber(q05, median, q95))
+    return ErrorPercent(**errors)
 
 
-def zones_of(flow: Flow, fields: Fields, measured: Callable[[], Floats]) -> Split:
-    """The zones; a point with an unknown strain rate is in neither.
+def zones_of(flow: Flow, fields: Fields, measured: Callable[[], Floats]) -> tuple[Bool, Bool]:
+    """Flowing and stagnant points [K]; a point with an unknown strain rate is in neither.
 
     Args:
         measured: gives `strain_rate_of` the flow.
     """
     sigmas = [sigma for sigma in (flow.sigma_u, flow.sigma_v) if sigma is not None]
     noisy = any(np.any(np.asarray(sigma) > 0) for sigma in sigmas)
-    source = "predicted velocity" if noisy else "velocity in the flow file"
     d2 = fields.values["D2"] if noisy else measured()
     flows = flowing(fields, d2)
-    return Split(source, flows, np.isfinite(d2) & ~flows)
+    return flows, np.isfinite(d2) & ~flows
 
 
 def _velocities(flow: Flow, fields: Fields, at_particles: Floats | None) -> tuple[Floats, Floats]:

@@ -24,8 +24,8 @@ _open: dict[str, Any] = {}
 cv2.setNumThreads(1)
 
 
-def read(path: Path, answer: Answer, first: int = 0, count: int = 1) -> dict[str, Any]:
-    """Grey levels [rows, columns] of up to `count` frames from number `first` on.
+def read(path: Path, answer: Answer, first: int = 0) -> dict[str, Any]:
+    """Grey levels [rows, columns] of frame number `first`, none after the end of a video.
 
     An image has one frame. `declared` is the number of frames that a video declares.
     """
@@ -39,13 +39,9 @@ def read(path: Path, answer: Answer, first: int = 0, count: int = 1) -> dict[str
             raise UnsafeFileError("it is damaged, or no image that OpenCV reads: save it as PNG")
         return {"frames": [_kept(image, answer)], "declared": 1}
     video = _video(path, first)
-    frames: list[Any] = []
-    while len(frames) < count:
-        good, image = video.read()
-        if not good:
-            break
-        frames.append(_kept(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), answer))
-        _open["next"] += 1
+    good, image = video.read()
+    _open["next"] += good
+    frames = [_kept(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), answer)] if good else []
     return {"frames": frames, "declared": max(int(video.get(cv2.CAP_PROP_FRAME_COUNT)), 0)}
 
 

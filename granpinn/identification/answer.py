@@ -33,7 +33,6 @@ def valued(
     first: int,
     checks: Sequence[Check],
     folder: Path | None,
-    keep_fields: bool,
     others: int,
 ) -> Context:
     """The fit of an ensemble, the members of the run from `first` on, with its values on the disk.
@@ -66,7 +65,6 @@ def valued(
         uncertain,
         places(case, e, others),
         folder,
-        keep_fields,
     )
     context.keep(result)
     if folder is not None:
@@ -118,7 +116,7 @@ def with_curve(context: Context, shown: Callable[[Result], None] | None) -> None
 def kept(context: Context) -> Identification:
     """The result with its network, fields and history: those of its folder, else in memory."""
     case, model = context.case, context.model
-    if context.folder is not None and context.keep_fields:
+    if context.folder is not None:
         return Identification.of(context.result, in_folder(context.folder, model.law))
     trained = TrainedNetwork.of(model, case.flow)
     rows = context.run.histories[context.place].rows

@@ -41,7 +41,6 @@ def identify_many(
     laws: Sequence[str] | None = None,
     noise: Sequence[float] | None = None,
     run_dir: str | os.PathLike[str] | None = None,
-    keep_fields: bool = True,
     progress: Progress | None = None,
     **settings: Any,
 ) -> list[Identification]:
@@ -60,7 +59,6 @@ def identify_many(
         seeds, I0, laws, noise: one value for every member, by default the value in the settings.
         run_dir: folder for the checkpoints of the batch. Its subfolders 000, 001, ... get the files
             that `identify` writes, one subfolder for each member.
-        keep_fields: whether to write fields.h5, tens of megabytes for each member.
         progress: a listener, as in `identify`; it gets the medians over the members.
 
     Returns:
@@ -86,7 +84,7 @@ def identify_many(
         )
     ]
     folder = folder_of(run_dir)
-    return side_by_side(flows, configs, config, folder, progress, begin, keep_fields=keep_fields)
+    return side_by_side(flows, configs, config, folder, progress, begin)
 
 
 def side_by_side(
@@ -97,7 +95,6 @@ def side_by_side(
     progress: Progress | None,
     begin: float,
     *,
-    keep_fields: bool = True,
     on_step: Callable[[Row], Any] | None = None,
 ) -> list[Identification]:
     """Identify flows, each with its own settings, in one batch with those that all share.
@@ -134,7 +131,6 @@ def side_by_side(
                 begin,
                 Processes(group.device),
                 sharers=group.size,
-                keep_fields=keep_fields,
                 on_step=on_step,
             )
         return found if group.size == 1 else _in_order(found, len(flows), root)

@@ -31,7 +31,7 @@ from granpinn.results import (
     write_fields,
     write_results,
 )
-from granpinn.results.dataset import fields_dataset, members_tree
+from granpinn.results.dataset import fields_dataset
 from granpinn.training.history import History, Row, columns, read_history
 
 if TYPE_CHECKING:
@@ -237,14 +237,6 @@ class Identification(Result):
         if parts.folder is not None:
             return report.build(parts.folder)
         raise BadInput("this result is in memory: name a folder for the report, report('run')")
-
-    def to_arviz(self) -> Any:
-        """The parameters of all networks of an ensemble, as an xarray.DataTree for ArviZ.
-
-        Its group `posterior` has every free parameter over (chain, draw): one chain, one draw for
-        each network. The scatter of networks is one part of the error bars and no posterior.
-        """
-        return members_tree(self)
 
     @property
     def plot(self) -> Plots:

@@ -9,8 +9,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from granpinn.checks import shared_law
 from granpinn.config import Config, ConfigError
 from granpinn.data import Flow
@@ -39,7 +37,7 @@ from granpinn.training.history import Row
 from granpinn.training.parallel import processes
 from granpinn.training.progress import Progress
 from granpinn.uncertainty import one_law as fitted
-from granpinn.uncertainty.determined import Range, applied, determined_over, over
+from granpinn.uncertainty.determined import applied, determined_over, over
 from granpinn.uncertainty.one_law import OneLaw
 
 
@@ -123,28 +121,20 @@ def one_law(results: Sequence[Result]) -> Identification:
         ),
         truth=truth,
         error_percent=ErrorPercent(errors),
-        zones=None,
-        inertial_number=None,
-        loss=None,
         residuals=None,
         determined=None,
         law=IdentifiedLaw(first.law.name, reason=law.reason),
         assumptions=tuple(
             _of_all(a, r, law, f) for f, r in enumerate(results) for a in r.assumptions
         ),
-        flows=tuple(
-            FlowOfLaw(r.input, r.data, r.law.I_range, r.residuals, r.assessment) for r in results
-        ),
+        flows=tuple(FlowOfLaw(r.input, r.data, r.law.I_range, r.assessment) for r in results),
         checks={} if law.reason else {name: shared_law.compared(results, law)},
         not_done={name: f"there are no error bars: {law.reason}"} if law.reason else {},
     )
     ranges = [r.law.I_range for r in results if r.law.I_range is not None]
     low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
     if any(r.determined for r in results):
-        I0 = values["I0"].value
-        means = np.array([r.determined.I for r in results if r.determined is not None])
-        x = float(np.mean(means / (means + I0)))
-        found = determined_over(result, Range(low, high, I0 * x / (1 - x)), ranges)
+        found = determined_over(result, (low, high), ranges)
         result = result if found is None else applied(result, found)
     return Identification.of(over(result, (low, high)), None)
 

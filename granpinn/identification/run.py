@@ -37,7 +37,6 @@ def run(
     *,
     alone: bool = False,
     sharers: int = 1,
-    keep_fields: bool = True,
     on_step: Callable[[Row], Any] | None = None,
     on_values: Callable[[Result], Any] | None = None,
 ) -> list[Identification]:
@@ -49,7 +48,6 @@ def run(
         together: the processes that share every batch; the first one writes.
         alone: there is one case, whose failure raises NonFiniteError; others leave a `failure`.
         sharers: processes that use the cores of this machine at the same time.
-        keep_fields: whether fields.h5 is written.
         on_step, on_values: as in `identify`.
 
     Raises:
@@ -93,7 +91,6 @@ def run(
                 e * K,
                 checks,
                 parts[e] if first else None,
-                keep_fields,
                 behind[e],
             )
             if first:

@@ -76,7 +76,7 @@ def start(
         Stage(CHECKS, everything),
     ]
     until = limit.until if limit and everything == quick else None
-    progress.plan(stages, until, len(cases))
+    progress.plan(stages, until)
     run = TrainingLoop(objective, config, folder, progress, limit, members, together)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
     many += f"{together.size} processes, " if together.size > 1 else ""

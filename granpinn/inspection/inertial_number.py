@@ -14,8 +14,8 @@ from granpinn.inspection.statements import FEW_GRAINS
 from granpinn.physics.laws import mu_of_i
 from granpinn.results.parameters import NOT_DETERMINED
 from granpinn.results.record import CARE, IMPROBABLE, Check, Reason, Record
-from granpinn.uncertainty.determined import Range, lost_of, range_of
-from granpinn.uncertainty.error_model import Known, ends_of
+from granpinn.uncertainty.determined import lost_of, percentiles
+from granpinn.uncertainty.error_model import Known, Pair, ends_of
 
 GAS = 1.0  # median inertial number: above, grains collide as in a gas
 I_EDGES = np.logspace(-4, 1, 51)  # of the figure
@@ -29,7 +29,7 @@ class InertialRange(Record):
         q05, q50, q95, q99: quantiles.
         reach: q95 / I0 with the inertial scale I0 of the law; None for a law without one.
         above: share with I > I0 / 3, where mu(I) bends enough to show mu_2; or None.
-        low, high, mean: the range of I of the vectors that shear, and the I of its mean.
+        low, high: the range of I of the vectors that shear.
         lost: parameters of mu(I) that this range does not determine.
     """
 
@@ -43,7 +43,6 @@ class InertialRange(Record):
     above: float | None
     low: float
     high: float
-    mean: float
     lost: tuple[str, ...]
 
     @property
@@ -74,8 +73,7 @@ class InertialRange(Record):
         if self.lost:
             text = (
                 f"{' and '.join(self.lost)} {NOT_DETERMINED}: the grains shear at I = "
-                f"{self.low:.2g} to {self.high:.2g} only; a training gives mu at I = "
-                f"{self.mean:.2g}."
+                f"{self.low:.2g} to {self.high:.2g} only; a training gives mu there."
             )
             found.append(Reason(CARE, text))
         return found
@@ -97,15 +95,15 @@ def make(inspection: Inspection) -> InertialRange | None:
     lost: tuple[str, ...] = ()
     if law.law == mu_of_i.LAW.name and inspection.undetermined is None:
         mu_s, mu_2, I0 = law.theta
-        lost = lost_of([Known(ends_of((shear.low, shear.high), I0), (mu_s, mu_2))])
+        lost = lost_of([Known(ends_of(shear, I0), (mu_s, mu_2))])
     q05, q50, q95, q99 = found
     return InertialRange(q05, q50, q95, q99, reach, above, *shear, lost)
 
 
-def shear_of(inspection: Inspection) -> Range | None:
+def shear_of(inspection: Inspection) -> Pair | None:
     """The range of I of the vectors that shear; None if none does."""
-    numbers, scale = inspection.inertia, inspection.law.inertial_scale or 1.0
-    return range_of(numbers.I[numbers.flows], numbers.vectors[numbers.flows], scale)
+    numbers = inspection.inertia
+    return percentiles(numbers.I[numbers.flows], numbers.vectors[numbers.flows])
 
 
 def _draw(inspection: Inspection) -> Any:

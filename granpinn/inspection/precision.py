@@ -128,8 +128,8 @@ def expected(inspection: Inspection, noise: float = 1.0) -> dict[str, float]:
     if shear is None:
         return {}
     I0 = law.inertial_scale or mu_of_i.LAW.parameter("I0").start
-    x = ends_of((shear.low, shear.high), I0)
-    mu = law.friction_law.friction(np.array([shear.low, shear.high]), *law.theta)
+    x = ends_of(shear, I0)
+    mu = law.friction_law.friction(np.array(shear), *law.theta)
     mu_s, mu_2 = np.linalg.solve(error_model.line(x), mu * np.ones(2)).tolist()
     speed = float(np.sqrt(np.mean(np.hypot(facts.slopes.u, facts.slopes.v) ** 2)))
     misfit = noise * (facts.noise.sigma or 0.0) * math.sqrt(2) / speed

@@ -44,17 +44,12 @@ OWN_PLACE = ("flow", "further_flows", "out")
 
 
 @checked
-def build(
-    run_dir: str | Path,
-    time: float | None = None,
-    pdf: bool = False,
-) -> Path:
+def build(run_dir: str | Path, time: float | None = None) -> Path:
     """Draw the figures of a run and write its page; the path of report.html.
 
     Args:
         run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
         time: of the maps, in the unit of the flow file; by default 0.7 of the last.
-        pdf: write every figure as a PDF too, beside its PNG.
 
     Raises:
         ResultsFileError: there is no valid results.json.
@@ -62,7 +57,7 @@ def build(
     folder = Path(run_dir)
     figures = folder / "figures"
     source, problems = read(folder, time)
-    pictures, missing = album.draw_all(source, figures, pdf)
+    pictures, missing = album.draw_all(source, figures)
     write_csv(source.result, folder / "results.csv")
     page = folder / "report.html"
     write_text(page, render(source.result, pictures, missing, problems))

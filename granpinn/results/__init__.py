@@ -1,7 +1,7 @@
 """The result of a run and its files results.json, results.csv and fields.h5.
 
 In reading order: parameters (of a law, with their errors, and what a narrow range of I leaves),
-records (data, training, ensemble, error bars, loss), identified_law (its curve over the I of the
+records (data, training, ensemble, error bars), identified_law (its curve over the I of the
 data), record (what a check leaves), assessment (may the numbers be used?), result (all of it),
 results_file (results.json and results.csv), decoding (the JSON), attempt (parts that may fail
 alone), fields (and which of their points flow).
@@ -18,7 +18,7 @@ from granpinn.results.fields import (
 )
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.parameters import Covariance, ErrorPercent, Parameter, Parameters, Residuals
-from granpinn.results.records import DataSummary, InertialNumber, Input, Timing, Zones, versions
+from granpinn.results.records import DataSummary, Input, Timing, versions
 from granpinn.results.result import Result, number
 from granpinn.results.results_file import (
     ResultsFileError,
@@ -36,7 +36,6 @@ __all__ = [
     "Fields",
     "FieldsFileError",
     "IdentifiedLaw",
-    "InertialNumber",
     "Input",
     "Parameter",
     "Parameters",
@@ -44,7 +43,6 @@ __all__ = [
     "Result",
     "ResultsFileError",
     "Timing",
-    "Zones",
     "append_variable",
     "from_dict",
     "number",

@@ -1,13 +1,10 @@
-"""Fields and members as xarray data sets, for notebooks."""
+"""Fields as an xarray data set, for notebooks."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from granpinn.results.fields import VARIABLES, Fields
-from granpinn.results.result import Result
 
 
 def fields_dataset(fields: Fields) -> Any:
@@ -33,31 +30,6 @@ def fields_dataset(fields: Fields) -> Any:
     }
     scales = {f"{name}_scale": getattr(fields, name) for name in ("length", "time", "pressure")}
     return xarray.Dataset(variables, axes, scales)
-
-
-def members_tree(result: Result) -> Any:
-    """The values of an ensemble as an xarray.DataTree with the group `posterior`.
-
-    Each free parameter has the dimensions (chain, draw): one chain, one draw for each network. The
-    scatter of networks is one part of the error bars and no posterior of the data.
-
-    Raises:
-        ValueError: the result has no members.
-    """
-    import xarray
-
-    if result.members is None:
-        raise ValueError("this result states no members: identify with Config(members=8)")
-    found = {
-        name: (("chain", "draw"), np.array([values]), {"long_name": f"parameter {name}"})
-        for name, values in result.members.values.items()
-    }
-    count = len(result.members.seed)
-    # Seeds reach 2^63, which not every integer type of a plotting package holds.
-    axes = {"chain": [0], "draw": np.arange(count), "seed": ("draw", np.array(result.members.seed))}
-    about = {"note": "networks with different seeds; their scatter is no posterior of the data"}
-    posterior = xarray.Dataset(found, axes, about)
-    return xarray.DataTree.from_dict({"posterior": posterior})
 
 
 def _attributes(unit: str | None, long_name: str) -> dict[str, str]:

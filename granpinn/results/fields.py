@@ -9,7 +9,7 @@ the error there. A point flows where D2 >= 0.05 sqrt(|g| / H0); elsewhere it is 
 in rigid motion). 0.05 is the strain-rate error of a velocity field resolved to about 1 %; below it
 the direction of the stress is lost. A quarter of the points of a column collapse are stagnant by
 this rule. D2 is spread evenly over the decades around this threshold, so that no threshold is
-natural; results.json states it.
+natural.
 
 For scores, D2 is taken from finite differences of the velocity in the file, so that the zones do
 not depend on the network. If the file declares measurement noise (sigma_u, sigma_v), the predicted

@@ -1,13 +1,11 @@
-"""Records of results.json beside the values: data, training, ensemble, error bars and zones."""
+"""Records of results.json beside the values: data, training, ensemble and error bars."""
 
 from __future__ import annotations
 
 import platform
 from dataclasses import dataclass
 from importlib import metadata
-from typing import Any
 
-from granpinn.results.decoding import CONVERTER
 from granpinn.results.record import Reason
 
 
@@ -48,7 +46,7 @@ class Members:
 
     Attributes:
         seed: of each.
-        values: of each, by the names of the identified parameters; in JSON beside the seed.
+        values: of each, by the names of the identified parameters.
         shown: index of the member nearest to the center; the result has the fields of this member.
         diverged: number of members that diverged.
     """
@@ -64,22 +62,6 @@ class Members:
             raise ValueError(f"members must have one value each, got {sorted(lengths)}")
         if not 0 <= self.shown < len(self.seed):
             raise ValueError(f"shown must be one of {len(self.seed)} members, got {self.shown}")
-
-
-@CONVERTER.register_unstructure_hook
-def _flat(members: Members) -> dict[str, Any]:
-    """In JSON the values stand beside the seeds."""
-    others = {"seed": members.seed, "shown": members.shown, "diverged": members.diverged}
-    return {name: list(values) for name, values in members.values.items()} | others
-
-
-@CONVERTER.register_structure_hook
-def _from_flat(content: Any, _: Any) -> Members:
-    values = CONVERTER.structure(content, dict[str, Any])
-    seed = CONVERTER.structure(values.pop("seed", ()), tuple[int, ...])
-    shown, diverged = (CONVERTER.structure(values.pop(n, 0), int) for n in ("shown", "diverged"))
-    columns = CONVERTER.structure(values, dict[str, tuple[float, ...]])
-    return Members(seed, columns, shown, diverged)
 
 
 @dataclass(frozen=True)
@@ -122,29 +104,9 @@ class LawPoints:
 
 
 @dataclass(frozen=True)
-class Zones:
-    """How the test points were split into flowing and stagnant (fields.py)."""
-
-    d2_threshold: float
-    source: str
-    n_flowing: int
-    n_stagnant: int
-
-
-@dataclass(frozen=True)
-class InertialNumber:
-    """Quantiles of I over the grains: the data determine the friction law over this band only."""
-
-    q05: float
-    median: float
-    q95: float
-
-
-@dataclass(frozen=True)
 class Timing:
     wall_s: float
     steps: int
-    steps_per_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -153,26 +115,6 @@ class Input:
 
     name: str
     sha256: str
-
-
-@dataclass(frozen=True)
-class Loss:
-    """The loss at the end of a training, over many points (fit/ensemble.py).
-
-    Attributes:
-        n_points: points inside the grains.
-        terms: half the mean square of every residual by `terms.NAMES`, dimensionless.
-        weights: 1/sigma^2 of every term at the end of the training.
-    """
-
-    n_points: int
-    terms: dict[str, float]
-    weights: dict[str, float]
-
-    def total(self, weights: dict[str, float] | None = None) -> float:
-        """The sum of the weighted terms, by default with the weights of the training."""
-        chosen = weights or self.weights
-        return sum(chosen[name] * term for name, term in self.terms.items())
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 A number without a meaning is None here and null in the file, never 0: an error without a reference.
 The file is strict JSON (no NaN, no Infinity), written atomically, and validated when it is read.
 
-Format version 4.  A field may be added with a default; any other change needs a new version.
+Format version 5.  A field may be added with a default; any other change needs a new version.
 
 The answer in a few lines, for the terminal: values, the law, the grade and its reason.
 
@@ -51,12 +51,9 @@ from granpinn.results.records import (
     Assumed,
     DataSummary,
     ErrorBars,
-    InertialNumber,
     Input,
-    Loss,
     Members,
     Timing,
-    Zones,
 )
 
 
@@ -65,14 +62,12 @@ class FlowOfLaw:
     """
     Attributes:
         I_range: 5th and 95th percentile of I over its points that shear; None without any.
-        residuals: of its network.
         assessment: of the fit of this flow.
     """
 
     input: Input
     data: DataSummary
     I_range: tuple[float, float] | None
-    residuals: Residuals | None
     assessment: Assessment
 
     def __str__(self) -> str:
@@ -89,7 +84,7 @@ class FlowOfLaw:
 
 
 FORMAT_NAME = "granpinn-results"
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 
 
 @dataclass(frozen=True)
@@ -122,10 +117,7 @@ class Result:
     failure: str | None = None
     truth: Truth | None = None
     error_percent: ErrorPercent = field(default_factory=ErrorPercent)
-    zones: Zones | None = None
-    inertial_number: InertialNumber | None = None
     covariance: Covariance | None = None
-    loss: Loss | None = None
     members: Members | None = None
     residuals: Residuals | None = None
     error_bars: ErrorBars | None = None

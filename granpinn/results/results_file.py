@@ -107,18 +107,11 @@ def row(result: Result) -> dict[str, Cell]:
     for name in (*result.friction_law.free, *FIELD_ERRORS):
         cells[f"error_{name}"] = result.error_percent.get(name)
     cells["error_unit"] = "%"
-    band, shear = result.inertial_number, result.determined
     found = result.checks.get("momentum_balance")
     mean = found.balance.mean if found and found.balance.shown else None
     nearest = [d.percent for d in found.differences if mean and d.I == mean.I] if found else []
     cells |= {
-        "I_q05": band.q05 if band else None,
-        "I_median": band.median if band else None,
-        "I_q95": band.q95 if band else None,
         "I_unit": "1",
-        "I_shear": shear.I if shear else None,
-        "mu_at_I_shear": shear.mu if shear and shear.reason is None else None,
-        "mu_at_I_shear_std": shear.std if shear else None,
         "balance_I": mean.I if mean else None,
         "balance_mu": mean.mu if mean else None,
         "balance_mu_std": mean.se if mean else None,

@@ -11,15 +11,13 @@ import sys
 import time
 from collections.abc import Sequence
 from html import escape
-from typing import Any, NamedTuple, TextIO
+from typing import Any, NamedTuple
 
 from granpinn.physics.terms import TERMS
 from granpinn.terminal import visible
 from granpinn.training.history import Row
-from granpinn.training.time_limit import slowness
 
 LAST_LAYER = "last layer"  # the stage that ends a training
-LINE_EVERY, UPDATE_EVERY = 10.0, 0.5  # seconds between updates: of plain lines, in a notebook
 
 
 class Stage(NamedTuple):
@@ -40,8 +38,8 @@ class Stage(NamedTuple):
 class Progress:
     """A listener of a run; subclass it and override what is of interest."""
 
-    def plan(self, stages: Sequence[Stage], until: float | None, members: int) -> None:
-        """These stages follow the training of `members`; time.monotonic() is `until` at their end.
+    def plan(self, stages: Sequence[Stage], until: float | None) -> None:
+        """These stages follow the training; time.monotonic() is `until` at their end.
 
         None: there is no time limit.
         """
@@ -73,32 +71,33 @@ class Shown(Silent):
     """Knows the stage and the time left of the whole run; a subclass shows them in `update`.
 
     Args:
-        every: seconds between updates.
         last: stages that follow those of `plan`, such as the figures of a command.
+
+    Attributes:
+        every: seconds between updates.
     """
 
-    def __init__(self, every: float, last: Sequence[Stage] = ()) -> None:
-        self.every, self.updated = every, -math.inf
+    every = 0.5
+
+    def __init__(self, last: Sequence[Stage] = ()) -> None:
+        self.updated = -math.inf
         self.later = [*last]
         self.until: float | None = None
         self.stages: list[tuple[Stage, float]] = []  # the present one, with its first moment
         self.name, self.text = "fit", ""
-        # While it trains: steps, their moments, and the time of all cores until then.
-        self.times: list[tuple[int, float, float]] = []
+        self.times: list[tuple[int, float]] = []  # while it trains: steps and their moments
         self.first: float | None = None
         self.fit = self.pace = 0.0  # seconds of the training, and of a step
-        self.busy = 1.0  # how much longer the stages take than on two idle cores
-        self.members = 1
 
-    def plan(self, stages: Sequence[Stage], until: float | None, members: int) -> None:
+    def plan(self, stages: Sequence[Stage], until: float | None) -> None:
         last = sum(stage.seconds for stage in self.later)
         self.until = None if until is None else until + last
-        self.later, self.members = [*stages, *self.later], members
+        self.later = [*stages, *self.later]
 
     def start(self, total: int, done: int) -> None:
         now = time.monotonic()
         self.first = now if self.first is None else self.first
-        self.steps, self.times = total, [(done, now, time.process_time())]
+        self.steps, self.times = total, [(done, now)]
         self.name = self.name if self.stages else "fit"
         self.update()
 
@@ -107,7 +106,7 @@ class Shown(Silent):
 
     def show(self, row: Row) -> None:
         now = time.monotonic()
-        self.times.append((row.step, now, time.process_time()))
+        self.times.append((row.step, now))
         self._measure()
         self.text = describe(row)
         if row.step >= self.steps or now - self.updated >= self.every:
@@ -168,45 +167,38 @@ class Shown(Silent):
         return left if self.until is None else min(left, max(0.0, self.until - now))
 
     def _measure(self) -> None:
-        """The pace of the training, and how busy the machine is."""
-        step, moment, cpu = self.times[-1]
+        """The pace of the training."""
+        step, moment = self.times[-1]
         # Steps of the pre-fit are quicker: the later half of the steps shows the pace.
         middle = (self.times[0][0] + step) // 2
         since = next(row for row in reversed(self.times[:-1]) if row[0] <= middle)
         passed = max(moment - since[1], 1e-9)
         self.pace = passed / max(1, step - since[0])
-        # Beside other programs, threads that wait for each other lose more than the stages do.
-        cores = max((cpu - since[2]) / passed, 1e-9)
-        self.busy = max(1.0, min(slowness(self.pace / self.members), 2 / cores))
         self.fit = moment - self.times[0][1] + self.pace * (self.steps - step)
 
     def _expected(self, stage: Stage) -> float:
         """The expected seconds of a stage."""
-        return stage.seconds * self.busy + stage.steps * self.pace + stage.share * self.fit
+        return stage.seconds + stage.steps * self.pace + stage.share * self.fit
 
 
 class Lines(Shown):
     """One line every ten seconds, for log files."""
 
-    def __init__(
-        self, stream: TextIO | None = None, every: float = LINE_EVERY, last: Sequence[Stage] = ()
-    ) -> None:
-        super().__init__(every, last)
-        self.stream = stream or sys.stderr
+    every = 10.0
 
     def update(self) -> None:
         if self.times[1:] or not self.times:
             self.message(self.line)
 
     def message(self, text: str) -> None:
-        print(visible(text), file=self.stream, flush=True)
+        print(visible(text), file=sys.stderr, flush=True)
 
 
 class Bar(Shown):
     """A bar with the stage and the time left; below it values and loss terms. By rich."""
 
     def __init__(self, last: Sequence[Stage] = ()) -> None:
-        super().__init__(UPDATE_EVERY, last)
+        super().__init__(last)
         from rich import progress
         from rich.console import Console
         from rich.live import Live
@@ -239,8 +231,8 @@ class Bar(Shown):
 class Notebook(Shown):
     """One line with a bar in the output of a notebook cell, updated in place. By IPython."""
 
-    def __init__(self, every: float = UPDATE_EVERY) -> None:
-        super().__init__(every)
+    def __init__(self) -> None:
+        super().__init__()
         from IPython import display
 
         self.display: Any = display.display
@@ -268,7 +260,7 @@ class Notebook(Shown):
 
 def automatic(last: Sequence[Stage] = ()) -> Progress:
     """A bar in a terminal, lines otherwise; `last`: stages that follow the identification."""
-    return Bar(last) if sys.stderr.isatty() else Lines(last=last)
+    return Bar(last) if sys.stderr.isatty() else Lines(last)
 
 
 def by_default() -> Progress:

@@ -13,6 +13,7 @@ log mu is linear in log I.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -86,7 +87,7 @@ def model_covariance(
     return np.asarray(J @ of_ends @ J.T)
 
 
-def between(I: Float64, I_range: tuple[float, float]) -> Float64:
+def between(I: Sequence[float] | Float64, I_range: tuple[float, float]) -> Float64:
     """Errors of log mu at I by those at both ends of a range, linear in log I [n, 2]."""
     low, high = np.log(I_range)
     part = np.clip((np.log(I) - low) / (high - low), 0, 1)

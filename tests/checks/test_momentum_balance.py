@@ -34,7 +34,7 @@ def result_with(factor: float) -> Result:
 def context_of(flow: Flow, result: Result) -> Any:
     """What the check needs of a fit."""
     member = SimpleNamespace(law=mu_of_i.LAW, fixed={"I0": 0.3})
-    shared = Shared(flow, flow, SideWalls())
+    shared = Shared(flow, flow, Config())
     return Context(
         result=result,
         case=SimpleNamespace(seen=flow, shared=shared, member=member),  # type: ignore[arg-type]
@@ -73,7 +73,6 @@ def test_grains_that_walls_carry_get_no_error_bars() -> None:
     assert made.error_bars is None
     assert made.parameters["mu_s"].interval_90 is None
     assert made.law.curve.low is None
-    assert made.determined.std is None
     assert made.assessment.reasons[0].startswith("Walls carry the grains")
     assert made.law.reason == CARRIED
 

@@ -44,7 +44,7 @@ def run(I0: float = 0.3) -> Result:
             mu_s=Parameter(mu_s, False), mu_2=Parameter(mu_2, False), I0=Parameter(I0, True)
         ),
         covariance=Covariance(("mu_s", "mu_2"), tuple(map(tuple, C.tolist()))),
-        determined=Determined(*I_RANGE, 0.05, 0.44, None, None),
+        determined=Determined(I_RANGE),
         error_bars=ErrorBars((0.0, 0.0), 50.0, NORMAL_90, "made up"),
     )
 

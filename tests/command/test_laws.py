@@ -22,7 +22,7 @@ inspect, simulate, train = (import_module(f"granpinn.commands.{name}") for name 
 SMALL = ("--steps", "50", "--network.widths", "16,16", "--batch.interior", "64")
 
 
-CELLS = ("--resimulation.cells", "32", "--simulated_pressure.cells", "32")
+CELLS = ("--simulated_pressure.cells", "32")
 
 
 COLUMN = ("--cells", "64", "--height", "1", "--aspect", "1", "--t-end", "1", "--frames", "12")

@@ -128,7 +128,7 @@ def test_fields_that_cannot_be_made_leave_the_values(
     assert err == expected
     result = results.read_results(tmp_path / "run" / "results.json")
     assert result.parameters.mu_s.value > 0
-    assert result.loss is not None
+    assert result.residuals is not None
 
 
 def test_a_member_of_a_batch_fails_alone(

@@ -151,7 +151,7 @@ def test_the_identity_has_every_setting_but_the_free_ones() -> None:
     missing = flatten(Config()).keys() - identity(Config()).keys()
     after_training = {
         "free_I0",
-        *("resimulate", "resimulation.cells"),
+        "resimulate",
         *("simulated_pressure.frames", "simulated_pressure.cells", "side_walls.friction_sd"),
     }
     assert missing == after_training | {

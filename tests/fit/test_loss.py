@@ -6,15 +6,13 @@ import time
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 
 from granpinn import reference
 from granpinn.data import Flow
 from granpinn.fit.case import pose
-from granpinn.fit.ensemble import final_loss
+from granpinn.fit.ensemble import final_terms
 from granpinn.identification.start import start
-from granpinn.physics.terms import NAMES as TERMS
 from granpinn.training.parallel import processes
 from tests.data.walled import FLOOR
 from tests.runs import tiny
@@ -25,8 +23,7 @@ def test_final_loss_is_that_of_all_points_below_the_highest_vectors(flow: Flow) 
     cases = [pose(replace(flow, walls=FLOOR), config)]
     run = start(cases, config, None, None, time.monotonic(), processes("cpu"))
     run.train()
-    found = final_loss(run.trainer, 0)
-    assert found is not None
+    found = final_terms(run.trainer, 0)
     objective = run.trainer.objective
     params, theta = run.trainer.solution(0)
     assert not torch.equal(params, run.trainer.params[0])  # the average
@@ -36,9 +33,6 @@ def test_final_loss_is_that_of_all_points_below_the_highest_vectors(flow: Flow) 
     assert first < walls < len(places)
     held = objective.pool.at(places[(places < first) | (places >= walls)], slice(None))
     terms = reference.loss_terms(params, theta, held, problem.spec, problem.physics)
-    assert list(found.terms) == list(TERMS)
     velocity, equations = held.point_weights.mean(0)  # a part of all points
     terms = terms / torch.stack([velocity, torch.ones(()), *[equations] * 3])
-    np.testing.assert_allclose(list(found.terms.values()), terms.tolist(), rtol=1e-9)
-    assert found.n_points == len(held.points)
-    assert found.weights["momentum"] == pytest.approx(0.05**-2)
+    np.testing.assert_allclose(found, terms.tolist(), rtol=1e-9)

@@ -31,9 +31,9 @@ def flow() -> Flow:
     return make_flow(frames=4, rows=12, columns=10)
 
 
-def run(flow: Flow, model: Model, chunk: int = prediction.CHUNK) -> Fields:
+def run(flow: Flow, model: Model) -> Fields:
     spec, params, law, theta, physics = model
-    return predict(flow, case.Model(spec, physics, params, theta, scales_of(flow), law), chunk)
+    return predict(flow, case.Model(spec, physics, params, theta, scales_of(flow), law))
 
 
 def expected_fields(points: Tensor, model: Model) -> dict[str, Tensor]:
@@ -172,7 +172,8 @@ def test_chunks_bound_the_memory_and_change_nothing(
         return evaluate(points, *rest)  # type: ignore[arg-type]
 
     monkeypatch.setattr(prediction, "evaluate", recorded)
-    parts = run(flow, model, chunk=17)
+    monkeypatch.setattr(prediction, "CHUNK", 17)
+    parts = run(flow, model)
     assert n % 17
     assert sizes == [17] * (n // 17) + [n % 17]
     assert list(parts.values) == list(whole.values)

@@ -10,13 +10,8 @@ import pytest
 
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
-from granpinn.fit.scoring import (
-    Scores,
-    score,
-    strain_rate,
-    strain_rate_of,
-)
-from granpinn.results import Fields, Parameters
+from granpinn.fit.scoring import score, strain_rate, strain_rate_of, zones_of
+from granpinn.results import ErrorPercent, Fields, Parameters
 from granpinn.results.fields import D2_STAGNANT, after_start, flowing
 from tests.examples import PARAMETERS, make_fields
 from tests.flows import make_flow
@@ -33,7 +28,7 @@ def two_zones(**changes: object) -> Flow:
     return replace(flow, c=c, u=u, v=np.zeros_like(u), p=p, **changes)
 
 
-def scores_of(flow: Flow, fields: Fields, parameters: Parameters = PARAMETERS) -> Scores:
+def errors_of(flow: Flow, fields: Fields, parameters: Parameters = PARAMETERS) -> ErrorPercent:
     return score(flow, fields, parameters, lambda: strain_rate_of(flow))
 
 
@@ -97,19 +92,16 @@ def test_errors_are_split_into_flowing_and_stagnant() -> None:
     factor = np.where(flows, 1.1, 1.4)
     assert flow.p is not None
     fields = make_fields(flow, p=flow.p[inside] * factor, u=1.05 * flow.u[inside])
-    scores = scores_of(flow, fields)
-
-    errors, zones = scores.error_percent, scores.zones
+    errors = errors_of(flow, fields)
     assert errors.velocity == pytest.approx(5, rel=1e-5)
     assert errors.pressure_flowing == pytest.approx(10, rel=1e-5)
     assert errors.pressure_stagnant == pytest.approx(40, rel=1e-5)
     p_squared = flow.p[inside].astype(np.float64) ** 2
     shares = 0.1**2 * p_squared[flows].sum() + 0.4**2 * p_squared[~flows].sum()
     assert errors.pressure == pytest.approx(100 * math.sqrt(shares / p_squared.sum()), rel=1e-5)
-    assert zones is not None
-    assert (zones.n_flowing, zones.n_stagnant) == (flows.sum(), (~flows).sum()) == (160, 160)
-    assert zones.d2_threshold == 0.05
-    assert zones.source == "velocity in the flow file"
+    found = zones_of(flow, fields, lambda: strain_rate_of(flow))
+    np.testing.assert_array_equal(found, [flows, ~flows])
+    assert flows.sum() == 160
 
 
 @pytest.mark.parametrize("name", ["sigma_u", "sigma_v"])
@@ -118,10 +110,9 @@ def test_the_zones_of_a_noisy_file_come_from_the_prediction(name: str, array: bo
     sigma = np.full((4, 8, 10), 0.01, np.float32) if array else 0.01
     flow = two_zones(**{name: sigma})
     n = flow.c.size
-    zones = scores_of(flow, make_fields(flow, D2=np.arange(n) >= 30)).zones
-    assert zones is not None
-    assert zones.source == "predicted velocity"
-    assert (zones.n_flowing, zones.n_stagnant) == (n - 30, 30)
+    predicted = np.arange(n) >= 30
+    found = zones_of(flow, make_fields(flow, D2=predicted), lambda: strain_rate_of(flow))
+    np.testing.assert_array_equal(found, [predicted, ~predicted])
 
 
 def test_the_first_frame_of_a_file_that_starts_at_zero_is_left_out() -> None:
@@ -130,19 +121,6 @@ def test_the_first_frame_of_a_file_that_starts_at_zero_is_left_out() -> None:
     n, first = flow.c.size, flow.c[0].size
     wrong = np.arange(n) < first
     assert flow.p is not None
-    fields = make_fields(
-        flow, u=flow.u.ravel() + 100 * wrong, p=flow.p.ravel() + 1e9 * wrong, I=1e3 * wrong
-    )
-    scores = scores_of(flow, fields)
-    assert scores.error_percent.velocity == scores.error_percent.pressure == 0
-    assert scores.inertial_number.q95 == 0
-    assert scores.zones is not None
-    assert scores.zones.n_flowing + scores.zones.n_stagnant == n - first
-
-
-def test_quantiles_of_the_inertial_number() -> None:
-    flow = two_zones()
-    n = flow.c.size
-    values = np.random.default_rng(1).permutation(n) / (n - 1)
-    found = scores_of(flow, make_fields(flow, I=values)).inertial_number
-    assert (found.q05, found.median, found.q95) == pytest.approx((0.05, 0.5, 0.95), rel=1e-6)
+    fields = make_fields(flow, u=flow.u.ravel() + 100 * wrong, p=flow.p.ravel() + 1e9 * wrong)
+    errors = errors_of(flow, fields)
+    assert errors.velocity == errors.pressure == 0

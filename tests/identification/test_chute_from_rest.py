@@ -33,8 +33,8 @@ def mu(theta: tuple[float, ...], number: Float64) -> Float64:
 def test_law_and_pressure_of_a_chute_from_rest(noise: float, flow: Flow) -> None:
     config = Config(steps=4000, network=Network(widths=(32, 32, 32)), noise=noise, device="cpu")
     result = identify(flow, config)
-    assert result.inertial_number is not None
-    covered = np.geomspace(result.inertial_number.q05, result.inertial_number.q95, 5)
+    assert result.law.I_range is not None
+    covered = np.geomspace(*result.law.I_range, 5)
     error = 100 * (mu(result.theta, covered) / mu(LAW, covered) - 1)
     assert np.abs(error).max() < WITHIN_LAW
     assert result.error_percent.pressure is not None

@@ -27,7 +27,7 @@ CONFIG = tiny(optimizer__average=0.2)
 
 def numbers(result: Result) -> tuple[object, ...]:
     """All that an identification found out."""
-    return result.parameters, result.error_percent, result.zones, result.inertial_number
+    return result.parameters, result.error_percent, result.residuals, result.law
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import pickle
 from collections.abc import Iterator
@@ -99,19 +98,6 @@ def test_fields_have_units_and_are_those_of_the_file(run: Run) -> None:
         np.testing.assert_array_equal(fields.p_simulated[k], kept.frame("p_simulated", k))
     np.testing.assert_array_equal(fields.c, kept.c)
     assert fields.attrs["length_scale"] == kept.length
-
-
-def test_members_are_draws(run: Run) -> None:
-    tree = run.result.to_arviz()
-    members = run.result.members
-    assert members is not None
-    posterior = tree["posterior"]
-    assert posterior.sizes == {"chain": 1, "draw": 2}
-    assert posterior.mu_s.values.tolist() == [list(members.values["mu_s"])]
-    assert posterior.seed.values.tolist() == list(members.seed)
-    alone = Identification.of(dataclasses.replace(run.result, members=None), run.result._held())
-    with pytest.raises(ValueError, match="no members"):
-        alone.to_arviz()
 
 
 def test_a_result_survives_pickling(run: Run) -> None:

@@ -25,18 +25,16 @@ def demo() -> Flow:
 def test_members_of_one_batch_have_laws_of_their_own(flow: Flow) -> None:
     """Each member ends where it ends alone."""
     config = tiny(**{"simulated_pressure__frames": 0})
-    together = identify_many([flow] * len(LAWS), config, laws=list(LAWS), keep_fields=False)
+    together = identify_many([flow] * len(LAWS), config, laws=list(LAWS))
     for name, found in zip(LAWS, together, strict=True):
         alone = identify(flow, tiny(law=name, **{"simulated_pressure__frames": 0}))
         assert found.law.name == name
         assert found.parameters.keys() == alone.parameters.keys()
         for parameter, value in found.parameters.items():
             assert value.value == pytest.approx(alone.parameters[parameter].value, rel=1e-6)
-        assert found.loss is not None
-        assert alone.loss is not None
-        assert found.loss.terms["constitutive"] == pytest.approx(
-            alone.loss.terms["constitutive"], rel=1e-5
-        )
+        assert found.residuals is not None
+        assert alone.residuals is not None
+        assert found.residuals.constitutive == pytest.approx(alone.residuals.constitutive, rel=1e-5)
 
 
 def test_fixed_values_are_given_or_of_the_flow_or_usual(demo: Flow) -> None:

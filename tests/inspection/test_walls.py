@@ -83,7 +83,7 @@ def test_results_have_no_friction(tmp_path: Path) -> None:
     write_csv(result, tmp_path / "values.csv")
     (cells,) = csv.DictReader((tmp_path / "values.csv").read_text().splitlines())
     assert cells["mu_s"] == "not determined"
-    assert cells["mu_at_I_shear"] == ""
+    assert cells["mu_at_I_low"] == "not determined"
 
 
 def silo(distance: float) -> Flow:

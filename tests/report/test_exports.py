@@ -39,7 +39,7 @@ def test_the_row_holds_values_intervals_and_units(tmp_path: Path) -> None:
     assert found == ["0.012", "0.28", "0.32", "1", "False", "0.4"]
     assert (row["I0"], row["I0_fixed"], row["I0_std"]) == ("0.3", "True", "")
     assert (row["error_velocity"], row["error_unit"]) == ("0.8", "%")
-    assert (row["I_q05"], row["I_q95"]) == ("0.0001", "0.3")
+    assert (row["I_low"], row["I_high"]) == ("0.01", "0.2")
     assert (row["input"], row["level"], row["seed"]) == ("Säule µ.h5", "V1", "7")
     assert (row["steps"], row["wall_unit"]) == ("4000", "s")
 

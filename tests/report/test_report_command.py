@@ -119,7 +119,7 @@ def test_the_command_writes_the_fields_for_paraview(
         ("", "could not be read as strict JSON"),
         ('{"format_name": "granpinn-results", ', "could not be read as strict JSON"),
         ("[]", "must hold an object"),
-        ('{"format_name": "granpinn-results", "format_version": 4}', "parameters is missing"),
+        ('{"format_name": "granpinn-results", "format_version": 5}', "parameters is missing"),
     ],
 )
 def test_a_folder_without_a_valid_run(

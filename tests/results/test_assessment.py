@@ -102,8 +102,8 @@ def outside() -> dict[str, Any]:
 def of_flows(grade: str) -> dict[str, Any]:
     limited = Assessment(grade, "a headline", ("It is noisy.",))
     bad = replace(EXAMPLE.input, name="b.h5")
-    good = FlowOfLaw(EXAMPLE.input, EXAMPLE.data, None, None, Assessment("good", "good", ("Yes.",)))
-    return {"flows": (good, FlowOfLaw(bad, EXAMPLE.data, None, None, limited))}
+    good = FlowOfLaw(EXAMPLE.input, EXAMPLE.data, None, Assessment("good", "good", ("Yes.",)))
+    return {"flows": (good, FlowOfLaw(bad, EXAMPLE.data, None, limited))}
 
 
 # Changes of a result that is good, its grade then, and words of the first reason.

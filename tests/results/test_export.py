@@ -106,7 +106,7 @@ def test_json_has_null_where_nothing_is_determined() -> None:
     lost = Parameters(
         dict(KNOWN.items()) | {"mu_2": Parameter(0.61, fixed=False, determined=False)}
     )
-    found = Determined(0.01, 0.2, 0.06, 0.44, 0.01, (0.42, 0.46), lost=("mu_2",))
+    found = Determined((0.01, 0.2), lost=("mu_2",))
     result = known(parameters=lost, determined=found)
     content = json.loads(result.export("json"))
     assert content["parameters"]["mu_2"]["value"] is None

@@ -53,7 +53,7 @@ def test_results_json_has_the_names_of_the_law(tmp_path: Path) -> None:
     content = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     assert content["law"]["name"] == "coulomb"
     assert list(content["parameters"]) == ["mu_s"]
-    assert content["members"]["mu_s"] == [0.30, 0.33, 0.36]
+    assert content["members"]["values"]["mu_s"] == [0.30, 0.33, 0.36]
     assert "mu_2" not in content["error_percent"]
     assert read_results(tmp_path / "results.json") == coulomb()
 

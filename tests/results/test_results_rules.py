@@ -70,7 +70,7 @@ def test_values_that_contradict_each_other_are_refused(
 
 
 EDITS: list[tuple[str, Any, str]] = [
-    ("format_name", "other", "must have format_name 'granpinn-results' and format_version 4, got"),
+    ("format_name", "other", "must have format_name 'granpinn-results' and format_version 5, got"),
     ("format_version", 1, "and 1: read it with the granpinn that wrote it"),
     ("colour", "red", "results.json: colour is not known; expected parameters, level,"),
     ("parameters.mu_s.mean", 1, "parameters.mu_s.mean is not known; expected value, fixed, std"),
@@ -96,8 +96,8 @@ EDITS: list[tuple[str, Any, str]] = [
     ("error_percent.mu_s", "1", "error_percent.mu_s must be a finite number, got '1'"),
     ("residuals.momentum", ..., "residuals: momentum is missing"),
     ("residuals.colour", 1.0, "residuals: colour is not known; expected noise, velocity"),
-    ("members.mu_s", ..., "members.mu_s is missing"),
-    ("members.lost", [1, 2, 3], "members.lost is not known; expected mu_s, mu_2"),
+    ("members.values.mu_s", ..., "members.mu_s is missing"),
+    ("members.values.lost", [1, 2, 3], "members.lost is not known; expected mu_s, mu_2"),
     ("members.shown", 7, "members: shown must be one of 3 members, got 7"),
     ("seed", 1.0, "seed must be a whole number, got 1.0"),
     ("seed", False, "seed must be a whole number, got False"),
@@ -106,7 +106,7 @@ EDITS: list[tuple[str, Any, str]] = [
     ("versions", [], r"versions must be an object, got \[\]"),
     ("versions.torch", 2, "versions.torch must be a string, got 2"),
     ("settings", "none", "settings must be an object, got 'none'"),
-    ("zones", [], r"zones must be an object, got \[\]"),
+    ("timing", [], r"timing must be an object, got \[\]"),
 ]
 
 

@@ -13,7 +13,6 @@ import pytest
 
 import granpinn
 from granpinn.commands import simulate as command
-from granpinn.figures.animation import animate
 from granpinn.simulation import Collapse, SimulationError
 from granpinn.simulation.engine import Engine, StepReport
 from granpinn.simulation.run import lines
@@ -121,11 +120,3 @@ def test_progress_lines(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(said) >= 4
     assert "iterations" in said[-1]
     assert "s left" in said[-1]
-
-
-def test_an_animation(tmp_path: Path) -> None:
-    out, gif = tmp_path / "a.h5", tmp_path / "a.gif"
-    assert command.main([*FLAGS, "--animation", str(gif), "--out", str(out)]) == 0
-    assert gif.read_bytes()[:6] == b"GIF89a"
-    assert animate(granpinn.read_flow(out), gif) == gif
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.gif", "a.h5"]

@@ -102,7 +102,6 @@ WORDS = {
         "--frames 1": "frames must be in [2, 100000]",
         "--stride 100": "stride 100 leaves no points",
         "--mu-s -1": "mu_s must not be negative",
-        "--animation x.mp4": "--animation must end in .gif",
         "--nonsense": "unrecognized arguments: --nonsense",
         "--slope 20": "--slope is a setting of a chute, and this is a collapse",
     },

@@ -255,7 +255,7 @@ def solved_on(device: str, seed: int) -> tuple[Tensor, Tensor]:
 
 @pytest.mark.usefixtures("long_steps")
 def test_a_run_ends_with_the_step(tmp_path: Path, flow: Flow) -> None:
-    """The values are those after it; history and loss are those of the steps."""
+    """The values are those after it; history and residuals are those of the steps."""
     config = tiny(steps=100)
     with_step = identify(flow, config, run_dir=tmp_path / "run")
     optimizer = dataclasses.replace(config.optimizer, last_layer=False)
@@ -264,7 +264,7 @@ def test_a_run_ends_with_the_step(tmp_path: Path, flow: Flow) -> None:
     last = dict(zip(row[0].split(","), map(float, row[-1].split(",")), strict=True))
     assert without.parameters.mu_s.value == pytest.approx(last["mu_s"], rel=1e-6)
     assert with_step.parameters.mu_s.value != without.parameters.mu_s.value
-    assert with_step.loss == without.loss
+    assert with_step.residuals == without.residuals
     again = identify(flow, dataclasses.replace(config, resume=True), run_dir=tmp_path / "run")
     assert again.parameters == with_step.parameters
 

@@ -187,7 +187,7 @@ sys.exit(train.main(sys.argv[4:]))
 """
 SHORT = ["--network.widths", "16,16", "--batch.interior", "64", "--batch.surface", "16"]
 SHORT += ["--steps", "400", "--log-every", "20", "--simulated_pressure.frames", "4"]
-SHORT += ["--resimulate", "--resimulation.cells", "64"]
+SHORT += ["--resimulate", "--simulated_pressure.cells", "64"]
 
 
 @pytest.fixture(scope="module")

@@ -45,7 +45,7 @@ def test_the_band_is_that_of_a_line_through_both_parameters(half: float) -> None
     """sd(mu) = sqrt(J C J^T), by hand; symmetric in log mu."""
     bars = ErrorBars((0.01, 0.02), 8.0, half, "a test")
     result = make_result(covariance=covariance(MATRIX), error_bars=bars)
-    curve = with_curve(result, spread_of(0.003, 0.5), np.ones(2001)).law.curve
+    curve = with_curve(result, spread_of(0.003, 0.5)).law.curve
     assert curve is not None
     mu_s, mu_2, I0 = result.theta
     x = np.array(curve.I) / (np.array(curve.I) + I0)
@@ -57,14 +57,14 @@ def test_the_band_is_that_of_a_line_through_both_parameters(half: float) -> None
 
 
 def test_the_curve_covers_the_range_that_the_data_determine() -> None:
-    number, weight = spread_of(1e-3, 1.0), np.linspace(0, 1, 2001)
+    number = spread_of(1e-3, 1.0)
     result = make_result()
-    law, shear = with_curve(result, number, weight).law, determined(result, number, weight)
+    law, shear = with_curve(result, number).law, determined(result, number)
     assert shear is not None
     assert law.curve is not None
-    assert law.I_range == (shear.I_low, shear.I_high)
+    assert law.I_range == shear.I_range
     I = np.array(law.curve.I)
-    assert (len(I), I[0], I[-1]) == (POINTS, shear.I_low, shear.I_high)
+    assert (len(I), I[0], I[-1]) == (POINTS, *law.I_range)
     np.testing.assert_allclose(np.diff(np.log(I)), np.log(I[-1] / I[0]) / (POINTS - 1))
     np.testing.assert_allclose(law.curve.mu, MU_OF_I.friction(I, *result.theta))
     assert (law.name, law.reason, law.points) == ("mu_of_i", None, None)
@@ -75,7 +75,7 @@ def test_the_band_is_as_wide_as_the_intervals() -> None:
     widths = []
     for error_bars in (None, bars):
         result = make_result(covariance=covariance(MATRIX), error_bars=error_bars)
-        curve = with_curve(result, spread_of(0.01, 0.3), np.ones(2001)).law.curve
+        curve = with_curve(result, spread_of(0.01, 0.3)).law.curve
         assert curve is not None
         assert curve.half_width is not None
         widths.append(curve.half_width)
@@ -93,7 +93,7 @@ def test_the_band_is_as_wide_as_the_intervals() -> None:
 def test_without_error_bars_the_band_is_not_determined(
     changes: dict[str, object], reason: str | None
 ) -> None:
-    law = with_curve(make_result(**changes), spread_of(0.01, 0.3), np.ones(2001)).law
+    law = with_curve(make_result(**changes), spread_of(0.01, 0.3)).law
     assert law.curve is not None
     if reason is None:  # wide, but not without an end
         assert law.curve.low is not None
@@ -124,7 +124,7 @@ def test_the_points_are_medians_with_16_to_84_percent() -> None:
 
 
 def test_the_record_in_the_files(tmp_path: object) -> None:
-    result = with_curve(make_result(), spread_of(0.01, 0.3), np.ones(2001), np.full(2001, 0.45))
+    result = with_curve(make_result(), spread_of(0.01, 0.3), np.full(2001, 0.45))
     path = f"{tmp_path}/results.json"
     write_results(result, path)
     assert read_results(path) == result

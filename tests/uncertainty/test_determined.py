@@ -17,7 +17,7 @@ from tests.examples import make_result
 
 def found_in(low: float, high: float, result: Result) -> tuple[str, ...]:
     number = np.geomspace(low, high, 400)
-    found = determined(result, number, np.ones(400))
+    found = determined(result, number)
     assert found is not None
     return found.lost
 
@@ -41,7 +41,7 @@ def test_a_wide_interval_determines_nothing() -> None:
     values = dict(result.parameters.items())
     values["mu_2"] = replace(values["mu_2"], interval_90=(1e-5, 7e3))
     wide = replace(result, parameters=Parameters(values))
-    found = determined(wide, np.geomspace(0.004, 0.3, 400), np.ones(400))
+    found = determined(wide, np.geomspace(0.004, 0.3, 400))
     assert found is not None
     assert (found.lost, found.wide) == (("mu_2",), ("mu_2",))
     shown = applied(wide, found)
@@ -55,24 +55,9 @@ def test_a_wide_interval_determines_nothing() -> None:
     assert content["determined"]["raw_interval_90"] == {"mu_2": [1e-5, 7e3]}
 
 
-def test_the_friction_in_the_range_and_its_interval() -> None:
-    result = make_result()
-    found = determined(result, np.linspace(0.1, 0.14, 200), np.ones(200))
-    assert found is not None
-    assert pytest.approx(0.12, rel=0.01) == found.I
-    assert found.mu == pytest.approx(0.41 + 0.2 * 0.12 / 0.42, rel=1e-3)
-    x = found.I / (found.I + 0.3)
-    J = np.array([1 - x, x])
-    assert result.covariance is not None
-    variance = J @ np.array(result.covariance.matrix) @ J
-    assert found.std == pytest.approx(np.sqrt(variance))
-    assert found.interval_90 is not None
-    assert found.interval_90[0] < found.mu < found.interval_90[1]
-
-
 def test_the_same_words_everywhere(tmp_path: Path) -> None:
     result = make_result()
-    found = determined(result, np.linspace(0.1, 0.14, 200), np.ones(200))
+    found = determined(result, np.linspace(0.1, 0.14, 200))
     assert found is not None
     made = applied(result, found)
     assert made.theta == result.theta  # nothing is lost

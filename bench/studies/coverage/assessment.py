@@ -90,9 +90,9 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
     if cells["carried"] == "True":
         result = momentum_balance.without_error_bars(result)
     number = np.repeat(I_range, 10)
-    if (range_ := determined(result, number, np.ones(20))) is not None:
+    if (range_ := determined(result, number)) is not None:
         result = applied(result, range_)
-    result = with_curve(result, number, np.ones(20))
+    result = with_curve(result, number)
     points = tuple(momentum_balance.difference(p, result) for p in _points(cells["balance"]))
     balance = Baseline("walls carry the grains", carried=cells["carried"] == "True")
     record = momentum_balance.MomentumBalance(balance, points)

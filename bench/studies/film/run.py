@@ -48,17 +48,17 @@ def measured(name: str, folder: Path) -> tuple[scenes.Scene, Flow, dict[str, Any
     assert particles is not None
     assert line is not None
     row: dict[str, Any] = {"scene": name, "vectors": particles.u.size, "seconds": round(seconds, 1)}
-    row["release_frames"] = round((found.judgement.release or 0.0) + shot.first, 2)
+    row["release_frames"] = round((found.released or 0.0) + shot.first, 2)
     errors, sds, speeds, aboves, walls = [], [], [], [], []
-    for field in found.fields:
-        good = field.vectors.kept()
-        t = (field.number + shot.first) / shot.rate
-        x = (good.x + 0.5) * shot.pixel
-        y = (shot.rows - good.y - 0.5) * shot.pixel
+    for number in found.pictures:
+        good = found.vectors[found.vectors.good & (found.vectors.t == number)]
+        t = (number + shot.first) / shot.rate
+        x = (good.x.to_numpy() + 0.5) * shot.pixel
+        y = (shot.rows - good.y.to_numpy() - 0.5) * shot.pixel
         u, v = scene.field.velocity(t, x, y) / (shot.pixel * shot.rate)
         errors += [good.u - u, good.v + v]
         sds += [good.sd, good.sd]
-        now = line.t == field.number
+        now = line.t == number
         tree = cKDTree(np.stack([line.x[now], line.y[now]], -1))
         above = tree.query(np.stack([good.x, shot.rows - good.y], -1))[0] / shot.grain
         wall = np.minimum(shot.rows - good.y, good.x if shot.period is None else np.inf)

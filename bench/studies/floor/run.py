@@ -65,7 +65,6 @@ def row(case: Case, noise: float, seed: int, result: Result) -> dict[str, Any]:
     found = {name: p.value for name, p in result.parameters.items()}
     mu = mu_of_i.friction(np.array(INERTIAL), *result.theta)
     truth = mu_of_i.friction(np.array(INERTIAL), *THETA)
-    band = result.inertial_number
     return {
         "name": case.name,
         "flow": case.flow,
@@ -73,7 +72,7 @@ def row(case: Case, noise: float, seed: int, result: Result) -> dict[str, Any]:
         "noise": noise,
         "seed": seed,
         "n_points": result.data.n_points,
-        "I_90": None if band is None else [band.q05, band.q95],
+        "I_90": result.law.I_range,
         "found": found,
         "mu_s_percent": 100 * (found["mu_s"] / THETA[0] - 1),
         "mu_2_percent": 100 * (found["mu_2"] / THETA[1] - 1),

@@ -94,7 +94,7 @@ def identified(singles: Sequence[Single], config: Config) -> dict[Single, Result
     paths, seeds, noise = zip(*singles, strict=True)
     flows = [read_flow(path) for path in paths]
     flows = [as_measured(flow) if flow.of_solver else flow for flow in flows]
-    found = identify_many(flows, config, seeds, noise=noise, keep_fields=False)
+    found = identify_many(flows, config, seeds, noise=noise)
     return dict(zip(singles, found, strict=True))
 
 
