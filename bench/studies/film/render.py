@@ -37,12 +37,11 @@ class Shot:
     Attributes:
         pixel: m; grain: diameter, px; rate: frames per second.
         first, frames: number of the first frame after the release (negative: before it), and count.
-        rows, columns: of the picture, px. Its lower left corner is `corner`, m.
+        rows, columns: of the picture, px. Its lower left corner is the origin of the flow.
         light: brightness of the left edge relative to the right one; background: grey level.
         blur: standard deviation, px; exposure: part of the time between frames.
         read, photon: variance of a grey level is read^2 + photon * light.
         period: m, after which the sides repeat; None: walls.
-        turn: degrees, counter-clockwise, of the flow in the picture; the camera is turned back.
     """
 
     pixel: float
@@ -53,7 +52,6 @@ class Shot:
     rows: int
     columns: int
     seed: int
-    corner: tuple[float, float] = (0.0, 0.0)
     light: float = 0.75
     background: float = 12.0
     blur: float = 0.6
@@ -61,12 +59,6 @@ class Shot:
     read: float = 2.0
     photon: float = 0.15
     period: float | None = None
-    turn: float = 0.0
-
-    def turned(self, x: Any, y: Any) -> Array:
-        """Places of the flow in the axes of the picture [2, n]."""
-        cos, sin = np.cos(np.radians(self.turn)), np.sin(np.radians(self.turn))
-        return np.stack([cos * x - sin * y, sin * x + cos * y])
 
 
 @dataclass
@@ -104,15 +96,10 @@ def _seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Genera
     """One grain in every square of 0.85 diameters: the picture of the inside has few gaps."""
     side = 0.85 * shot.grain * shot.pixel
     wide, high = shot.columns * shot.pixel, shot.rows * shot.pixel
-    if shot.turn:
-        wide = high = wide + high
     i, j = np.meshgrid(np.arange(-1, wide // side + 2), np.arange(-1, high // side + 2))
     corners = np.stack([i.ravel(), j.ravel()])
     place: Any = (corners + random.random(corners.shape)) * side
-    inside = (field.fraction(t, *place) > 0.5) & (place[1] > 0)
-    if shot.turn:
-        inside &= (place[0] > 0) & (place[0] < (shot.period or field.x[-1]))
-    place = place[:, inside]
+    place = place[:, (field.fraction(t, *place) > 0.5) & (place[1] > 0)]
     n = place.shape[1]
     spots = np.stack(
         [
@@ -155,8 +142,7 @@ def _light(grains: Grains, shot: Shot) -> Array:
     """Light [rows, columns]: grains one over the other, row 0 at the top."""
     rows, columns = shot.rows * FINE, shot.columns * FINE
     picture = np.full(rows * columns, shot.background, np.float32)
-    corner = np.array(shot.corner)[:, None]
-    x, y = (shot.turned(*grains.place) - corner) / shot.pixel * FINE
+    x, y = grains.place / shot.pixel * FINE
     y = rows - y
     reach = int(np.ceil(grains.radius.max() * FINE)) + 1
     offset = np.arange(-reach, reach + 1)
@@ -169,7 +155,7 @@ def _light(grains: Grains, shot: Shot) -> Array:
         value = 1 - 0.5 * square + 0.35 * np.exp(-8 * ((a + 0.3) ** 2 + (b + 0.3) ** 2))
         for k in range(SPOTS):
             distance, phase, strength = grains.spots[part, k].T
-            phase = phase - grains.angle[part] - np.radians(shot.turn)  # rows point down
+            phase = phase - grains.angle[part]  # rows point down
             p, q = (
                 (distance * f(phase)).astype(np.float32)[:, None, None] for f in (np.cos, np.sin)
             )
