@@ -10,9 +10,9 @@ import h5py
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, FlowFileError, Particles, particle_flow, read_flow, write_flow
+from granpinn.data import Flow, FlowFileError, read_flow, write_flow
 from granpinn.data.surface import from_fraction, moved, spacing, surface_sd
-from tests.flows import make_flow
+from tests.flows import make_flow, scattered
 
 FINE = {"frames": 4, "rows": 66, "columns": 120}
 
@@ -23,15 +23,6 @@ def masked(flow: Flow) -> Flow:
 
 def solver(flow: Flow) -> Flow:
     return replace(flow, attributes={"grid_spacing_of_solver": spacing(flow)})
-
-
-def particles() -> Flow:
-    flow = make_flow()
-    frame, row, column = np.nonzero(flow.valid)
-    at = flow.t[frame], flow.x[column], flow.y[row]
-    vectors = Particles(*at, flow.u[flow.valid], flow.v[flow.valid])
-    constants = {"gravity": flow.gravity, "density": 1.0, "grain_diameter": 0.025}
-    return particle_flow(vectors, surface=flow.surface, **constants)
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0, 4.0])
@@ -76,7 +67,7 @@ def test_the_rule() -> None:
     assert surface_sd(shifted, "V1") == pytest.approx(h, rel=0.2)
     assert surface_sd(small, "V0") == h / 2
     assert surface_sd(replace(small, surface=None), "V0") == h / 2
-    assert surface_sd(particles(), "V1") == 0.025 / 2
+    assert surface_sd(scattered(make_flow()), "V1") == 0.025 / 2
 
 
 @pytest.mark.parametrize("stated", [0.0, 0.003])

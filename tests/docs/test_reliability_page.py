@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
-
-import pytest
 
 from bench.studies.reliability.record import Record
 from tests.docs.test_site import ROOT, hook
@@ -30,8 +27,3 @@ def test_a_record_is_shown_with_its_numbers(tmp_path: Path) -> None:
     assert "| flow train | refused 3,000, seconds 1.23 |" in text
     assert "python -m bench.studies.x" in text
     assert "repeat: --only  0 " in text
-
-
-@pytest.mark.parametrize("name", ["mutants", "output_faults"])
-def test_commands_exist(name: str) -> None:
-    assert importlib.util.find_spec(f"bench.studies.reliability.{name}") is not None
