@@ -20,10 +20,8 @@ import numpy.typing as npt
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
-from bench.studies.experiment.particle_images import advect
-from bench.studies.experiment.velocity_field import VelocityField
+from bench.studies.experiment.velocity_field import Array, VelocityField
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 
 FINE = 2  # points of a grain per pixel, along an axis
@@ -69,18 +67,23 @@ class Grains:
     bright: Array
     spots: Array  # [n, SPOTS, 3]: distance in radii, angle, strength
 
+    def those(self, kept: Any) -> Grains:
+        """The grains of a mask [n]."""
+        place, *others = (getattr(self, field.name) for field in dataclasses.fields(self))
+        return Grains(place[:, kept], *(values[kept] for values in others))
+
 
 def frames(field: VelocityField, shot: Shot) -> Iterator[Picture]:
     """The frames of a film, a function of the seed."""
     random = np.random.default_rng([shot.seed, 54])
     t = max(shot.first, 0) / shot.rate
-    grains = _seeded(field, t, shot, random)
+    grains = seeded(field, t, shot, random)
     for k in range(shot.first, shot.first + shot.frames):
         now = max(k / shot.rate, 0.0)
-        _move(field, grains, t, now - t, shot)
+        grains = moved(field, grains, t, now - t, shot)
         t = now
         span = shot.exposure / shot.rate / 3 if k >= 0 else 0.0
-        sides = [advect(field, grains.place, t, s * span) for s in (-1, 1)] if span else []
+        sides = [field.advect(grains.place, t, s * span) for s in (-1, 1)] if span else []
         yield exposed([grains.place, *sides], grains, shot, random)
 
 
@@ -92,7 +95,7 @@ def write(field: VelocityField, shot: Shot, folder: Path) -> Path:
     return folder / "frame_*.png"
 
 
-def _seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Generator) -> Grains:
+def seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Generator) -> Grains:
     """One grain in every square of 0.85 diameters: the picture of the inside has few gaps."""
     side = 0.85 * shot.grain * shot.pixel
     wide, high = shot.columns * shot.pixel, shot.rows * shot.pixel
@@ -113,19 +116,19 @@ def _seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Genera
     return Grains(place, random.uniform(0, 2 * np.pi, n), radius, random.uniform(70, 170, n), spots)
 
 
-def _move(field: VelocityField, grains: Grains, t: float, span: float, shot: Shot) -> None:
-    """Moves and turns all grains; several midpoint steps of at most a pixel or so."""
-    steps = 4
-    e = shot.pixel * shot.grain
+def moved(field: VelocityField, grains: Grains, t: float, span: float, shot: Shot) -> Grains:
+    """All grains moved and turned; several midpoint steps of at most a pixel or so."""
+    steps, e, grains = 4, shot.pixel * shot.grain, dataclasses.replace(grains)
     for k in range(steps):
         now, dt = t + span * k / steps, span / steps
         x, y = grains.place
         v_x = field.velocity(now, x + e, y)[1] - field.velocity(now, x - e, y)[1]
         u_y = field.velocity(now, x, y + e)[0] - field.velocity(now, x, y - e)[0]
         grains.angle = grains.angle + dt * 0.5 * (v_x - u_y) / (2 * e)
-        grains.place = advect(field, grains.place, now, dt)
+        grains.place = field.advect(grains.place, now, dt)
         if shot.period is not None:
             grains.place[0] = np.mod(grains.place[0], shot.period)
+    return grains
 
 
 def exposed(
