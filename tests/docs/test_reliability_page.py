@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bench.studies.reliability.record import Record
+from bench.studies.reliability.record import RESULTS, Record, read
 from tests.docs.test_site import ROOT, hook
 
 PAGE = hook("reliability")
@@ -14,6 +14,12 @@ def test_every_test_that_the_page_names_exists() -> None:
     for gate in PAGE.KEPT_BY_TESTS:
         for path in gate.tests:
             assert (ROOT / path).is_file(), path
+
+
+def test_the_records_of_the_repository_can_be_read() -> None:
+    paths = sorted(RESULTS.glob("*.json"))
+    assert paths
+    assert all(read(path)["tried"] > 0 for path in paths)
 
 
 def test_a_record_is_shown_with_its_numbers(tmp_path: Path) -> None:
