@@ -22,6 +22,7 @@ from granpinn.data import (
 )
 from granpinn.data import writer as writer_module
 from granpinn.data.schema import arrays_of
+from tests.data.walled import EVERYTHING, FLOOR, TWO
 from tests.flows import make_flow
 
 
@@ -40,6 +41,9 @@ FLOWS = {
     "another law": make_flow(truth=Truth(1 / 3, law="coulomb")),
     "a law without parameters": make_flow(truth=Truth(law="coulomb")),
     "tilted": make_flow(gravity=(0.1, -9.0)),
+    "floor": make_flow(walls=FLOOR),
+    "two walls": make_flow(walls=TWO),
+    "all of a wall": make_flow(walls=EVERYTHING),
     "attributes": make_flow(
         attributes={"source": "Grenoble, essai n°3 – 25 µm", "run": 7, "slope": 0.1, "note": ""}
     ),
@@ -56,7 +60,7 @@ def test_round_trip_is_exact(flow: Flow, tmp_path: Path) -> None:
     for name, array in before.items():
         assert after[name].dtype == array.dtype, name
         assert after[name].tobytes() == array.tobytes(), name
-    scalars = [f for f in vars(flow) if f not in (*before, "surface", "sha256", "path")]
+    scalars = [f for f in vars(flow) if f not in (*before, "surface", "walls", "sha256", "path")]
     for name in scalars:
         assert getattr(again, name) == getattr(flow, name), name
     assert again.path == path
@@ -82,11 +86,12 @@ def test_law_that_does_not_fit_is_refused(law: bytes, message: str, tmp_path: Pa
 
 
 def test_dimensions_and_units_in_xarray(tmp_path: Path) -> None:
-    write_flow(make_flow(), tmp_path / "flow.h5")
+    write_flow(make_flow(walls=FLOOR), tmp_path / "flow.h5")
     with xarray.open_dataset(tmp_path / "flow.h5", engine="h5netcdf") as dataset:
         assert dataset.u.dims == ("t", "y", "x")
         assert dataset.u.attrs["units"] == "m/s"
         assert dataset.t.attrs["units"] == "s"
+        assert dataset.wall_x.attrs["units"] == "m"
 
 
 def test_what_other_tools_add_is_kept_or_ignored(tmp_path: Path) -> None:

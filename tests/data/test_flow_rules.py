@@ -15,10 +15,12 @@ from granpinn.data import (
     FlowFileError,
     Surface,
     Truth,
+    Walls,
     check_flow,
     read_flow,
     write_flow,
 )
+from tests.data.walled import FLOOR, NAN, full, line, single
 from tests.flows import make_flow
 
 FLOW = make_flow()
@@ -144,6 +146,36 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
     "attribute": ({"attributes": {"list": [1, 2]}}, "attribute 'list' must be one number or text"),
     "attribute name": ({"attributes": {"a/b": 1}}, "attribute 'a/b' must be one number or text"),
 }
+
+
+WALLS: dict[str, tuple[Walls, str]] = {
+    "y alone is NaN": (line((0, 0), (1, NAN), (2, 0)), "must be NaN at the same points"),
+    "infinite x": (line((0, 0), (np.inf, 0)), "wall_x must lie within x"),
+    "other unit": (line((0, 0), (2000, 0)), "wall_x must lie within x"),
+    "huge": (line((-1e308, 0), (1e308, 0)), "wall_x must lie within x"),
+    "a piece of one point": (
+        line((0, 0), (2, 0), (NAN, NAN), (0, 1)),
+        "at least two points that differ, got none in that at index 3",
+    ),
+    "only NaN": (
+        line((NAN, NAN), (NAN, NAN)),
+        "at least two points that differ, got none in that at index 0",
+    ),
+    "no point": (Walls(np.empty(0), np.empty(0)), "wall_x must hold at least one point"),
+    "one place": (line((1, 1), (1, 1)), "at least two points that differ"),
+    "short": (Walls(np.zeros(2), np.zeros(3)), "wall_y must have as many points as wall_x, 2"),
+    "u alone": (replace(FLOOR, u=full(1.0)), "wall_u and wall_v must come together"),
+    "velocity of NaN": (replace(FLOOR, u=full(1.0), v=full(NAN)), "wall_v must be finite"),
+    "half slip": (replace(FLOOR, slip=single(0, 0.5)), "wall_slip must be 0 where grains move"),
+    "slip of NaN": (replace(FLOOR, slip=single(0, NAN)), "wall_slip must be finite"),
+    "pull": (replace(FLOOR, p=single(1, -1)), "wall_p must be a stress of at least 0"),
+    "infinite pressure": (replace(FLOOR, p=single(1, np.inf)), "wall_p must be a stress"),
+    "signed": (replace(FLOOR, tau=single(1, -1)), "wall_tau must be a stress of at least 0"),
+    "two times": (replace(FLOOR, t=np.array([0.1, 0.2])), "wall_t must be the same at all points"),
+    "late": (replace(FLOOR, t=full(9.0)), "wall_t must lie near t"),
+    "rounded": (replace(FLOOR, x=single(0, 2)), "wall_x must be float64 [m], got float32"),
+}
+RULES |= {f"walls: {name}": ({"walls": walls}, text) for name, (walls, text) in WALLS.items()}
 
 
 def test_the_flow_for_tests_keeps_every_rule() -> None:
