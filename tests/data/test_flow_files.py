@@ -20,7 +20,6 @@ from granpinn.data import (
     read_flow,
     write_flow,
 )
-from granpinn.data import writer as writer_module
 from granpinn.data.schema import arrays_of
 from tests.data.walled import EVERYTHING, FLOOR, TWO
 from tests.flows import make_flow
@@ -120,20 +119,3 @@ def test_a_flow_that_breaks_a_rule_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(FlowFileError, match="density"):
         write_flow(make_flow(density=-1.0), tmp_path / "flow.h5")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_failed_write_leaves_the_old_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "flow.h5"
-    write_flow(make_flow(), path)
-    before = path.read_bytes()
-
-    def full(*_: object) -> None:
-        raise OSError("No space left on device")
-
-    monkeypatch.setattr(writer_module, "_write_arrays", full)
-    with pytest.raises(OSError, match="No space"):
-        write_flow(make_flow(frames=5), path)
-    assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["flow.h5"]
