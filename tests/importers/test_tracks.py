@@ -91,28 +91,3 @@ def test_unpickling_is_not_needed(tmp_path: Path) -> None:
     with pytest.raises(DataFileError, match="must have the columns x, y, got"):
         read_vectors(tmp_path / "a.h5")
     assert not (tmp_path / "ran").exists()
-
-
-def csv_lines(path: Path, change: Any) -> Path:
-    write_csv(path, motion())
-    path.write_text(change(path.read_text()))
-    return path
-
-
-WRONG = {
-    "unlinked": (lambda s: s.replace("particle", "nothing"), "columns particle \\(or u, v\\)"),
-    "cut off": (lambda s: s[:-20], "expected 4 cells as above, got|expected numbers"),
-    "text": (lambda s: s.replace("\n", "\na,b,c,d\n", 1), "expected numbers"),
-    "header alone": (lambda s: s.split("\n")[0] + "\n", "no rows of numbers"),
-    "nothing measured": (
-        lambda s: s.split("\n")[0] + "\n,,,\n,,,\n",
-        "holds no particle with a position and a time",
-    ),
-}
-
-
-@pytest.mark.parametrize(("change", "message"), WRONG.values(), ids=WRONG.keys())
-def test_wrong_tables_are_refused(tmp_path: Path, change: Any, message: str) -> None:
-    with pytest.raises(DataFileError, match=message) as caught:
-        read_vectors(csv_lines(tmp_path / "a.csv", change), format="tracks")
-    assert "\n" not in str(caught.value)
