@@ -28,6 +28,16 @@ def test_quantities(text: str, dimension: str, value: float) -> None:
     assert units.si(text, dimension, "--x") == pytest.approx(value, rel=1e-12)
 
 
+@pytest.mark.parametrize("text", ["0.12 mm/px", "120 um/pixel", f"{1 / 0.12!r} px/mm"])
+def test_scale(text: str) -> None:
+    assert units.scale(text) == pytest.approx(1.2e-4, rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["500 Hz", "0.5 kHz", "500 fps", "500 frame/s", "2 ms", "500 1/s"])
+def test_time_of_a_frame(text: str) -> None:
+    assert units.frame_time(text, "--frame-rate") == pytest.approx(2e-3, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("unit", "dimension", "factor"),
     [
