@@ -22,9 +22,7 @@ from granpinn.data.scaling import scales_of
 from granpinn.data.wall_points import walls_of
 from granpinn.data.walls import crossed, parted, samples, segments_of
 from tests.data.walled import FLOOR, NAN, full, line, single
-from tests.flows import make_chute, make_flow
-
-FLOW = make_flow()
+from tests.flows import make_chute
 
 
 def test_a_wall_that_moves_is_one_wall() -> None:

@@ -55,7 +55,6 @@ TRACKMATE = (
 
 
 DIALECTS: dict[str, tuple[str, str, dict[str, Any]]] = {
-    "semicolons": (table(separator=";", sign=","), "utf-8", {}),
     "pandas with tabs": (
         table(",y,x,ep,frame,particle", "iyxefp", "\t", ","),
         "utf-8",
