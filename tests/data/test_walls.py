@@ -149,6 +149,9 @@ def test_a_wall_that_grains_flow_through_is_none(seed: int) -> None:
     with pytest.warns(FlowFileWarning, match="grains flow through the wall"):
         data = on_walls(across)
     assert len(data.wall_points) == 0
+    found = walls_of(replace(across, walls=replace(FLOOR, slip=single(0, 0))))
+    assert found is not None
+    assert not found[0].sticks.any()
 
 
 def test_a_turning_drum() -> None:
