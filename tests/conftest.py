@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.data import Flow, write_flow
+from granpinn.data import Flow, read_flow, write_flow
 from granpinn.inspection.momentum_balance import Baseline
 from tests.flows import make_flow
 
@@ -93,3 +93,10 @@ def flow_file(tmp_path_factory: pytest.TempPathFactory, flow: Flow) -> Path:
     path = tmp_path_factory.mktemp("flows") / "heap.h5"
     write_flow(flow, path)
     return path
+
+
+@pytest.fixture(scope="session")
+def demo() -> Flow:
+    from granpinn.simulation import demo_path
+
+    return read_flow(demo_path())

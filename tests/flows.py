@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.data import Flow, Surface, Truth
+from granpinn.data import Flow, Particles, Surface, Truth, particle_flow
 
 
 def make_flow(*, frames: int = 12, rows: int = 24, columns: int = 20, **changes: Any) -> Flow:
@@ -61,6 +61,15 @@ def make_flow(*, frames: int = 12, rows: int = 24, columns: int = 20, **changes:
         attributes={"source": "analytic spreading heap"},
     )
     return replace(flow, **changes)
+
+
+def scattered(flow: Flow, **changes: Any) -> Flow:
+    """The valid vectors of a flow on a grid as scattered ones; `changes`: of `particle_flow`."""
+    k, j, i = np.nonzero(flow.valid)
+    vectors = Particles(flow.t[k], flow.x[i], flow.y[j], flow.u[k, j, i], flow.v[k, j, i])
+    names = ("gravity", "density", "grain_diameter", "length_unit", "time_unit", "surface")
+    kept = {name: getattr(flow, name) for name in names}
+    return particle_flow(**{"particles": vectors} | kept | changes)
 
 
 def make_chute(*, frames: int = 1, rows: int = 14, columns: int = 16, **changes: Any) -> Flow:

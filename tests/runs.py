@@ -36,6 +36,16 @@ SIMULATED_AGAIN = (
 )
 
 
+class Heard(Silent):
+    """Keeps what a run says."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def message(self, text: str) -> None:
+        self.said.append(text)
+
+
 def tiny(**changes: Any) -> Config:
     """The default recipe on a tiny network for 40 steps, 12 of them on the velocity alone."""
     return Config(**(TINY | changes))

@@ -28,26 +28,25 @@ def test_unknown_name_is_refused_with_the_known_ones() -> None:
         _ = granpinn.solve
 
 
-def test_import_loads_neither_torch_nor_the_kernels() -> None:
-    code = "import granpinn, sys; print('torch' in sys.modules, 'granpinn._C' in sys.modules)"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.split() == ["False", "False"]
-
-
-def test_commands_load_no_part_of_scipy_that_few_flows_need() -> None:
-    code = (
-        "import granpinn.command.training_run, granpinn.commands.inspect, sys; "
-        "print('scipy.signal' in sys.modules)"
-    )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.split() == ["False"]
-
-
-def test_help_of_train_loads_no_large_library() -> None:
-    code = (
-        "import sys; from granpinn.commands import train; train.main(['--help']); "
-        "print([name for name in ('torch', 'scipy', 'h5py', 'matplotlib') if name in sys.modules])"
-    )
+@pytest.mark.parametrize(
+    ("code", "unloaded"),
+    [
+        ("import granpinn", ("torch", "granpinn._C")),
+        (
+            "import granpinn.command.training_run, granpinn.commands.inspect",
+            ("scipy.signal",),  # which few flows need
+        ),
+        (
+            "from granpinn.commands import train; train.main(['--help'])",
+            ("torch", "scipy", "h5py", "matplotlib"),
+        ),
+    ],
+    ids=["import", "commands", "help"],
+)
+def test_large_libraries_are_loaded_when_they_are_needed(
+    code: str, unloaded: tuple[str, ...]
+) -> None:
+    code += f"; import sys; print([name for name in {unloaded} if name in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.splitlines()[-1] == "[]"
 

@@ -49,6 +49,19 @@ def outside(tree: ast.AST) -> set[str]:
     return {name.partition(".")[0] for name in modules_of(tree)} & (NETWORK | PROGRAMS)
 
 
+def writes(call: ast.Call) -> bool:
+    """Whether a call opens a file to write it."""
+    name = call.func.attr if isinstance(call.func, ast.Attribute) else ast.unparse(call.func)
+    words = (
+        re.fullmatch("'r?[wax+]b?[+]?b?'", ast.unparse(n)) for a in call.args for n in ast.walk(a)
+    )
+    return (
+        (name in ("open", "File") and any(words))
+        or "os.O_CREAT" in ast.unparse(call)
+        or (isinstance(call.func, ast.Attribute) and name in ("write_text", "write_bytes"))
+    )
+
+
 def test_lines_of_cpp_are_short() -> None:
     """ruff measures those of Python."""
     suffixes = {".h", ".cpp", ".cu", ".cuh"}
@@ -73,7 +86,16 @@ def test_nothing_uses_the_network_or_starts_programs() -> None:
     assert starts == expected
 
 
+def test_every_file_is_written_whole_or_not_at_all() -> None:
+    """Gate F-5: granpinn.output writes all files but the history, which grows, and opens the
+    stream of a figure inside `replacing`."""
+    found = {path.name for path, tree in package().items() if any(map(writes, calls(tree)))}
+    assert found == {"writing.py", "ownership.py", "hdf5.py", "history.py", "style.py"}
+
+
 def test_the_scan_finds_what_it_forbids() -> None:
+    code = "p.open('wb')\nopen('a', 'r+')\nh5py.File(p, 'w')\np.write_text('')\np.open('rb')"
+    assert list(map(writes, calls(ast.parse(code)))) == [True, True, True, True, False]
     network = ast.parse("from urllib.request import urlopen\nimport http.client, subprocess")
     assert outside(network) == {"urllib", "http", "subprocess"}
     code = (

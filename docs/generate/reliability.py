@@ -94,6 +94,11 @@ KEPT_BY_TESTS = (
         "mutants of flow files and instrument files are read or refused",
         ("tests/data/test_mutants.py", "tests/importers/test_mutants.py"),
     ),
+    Gate(
+        "F-5",
+        "what is no regular file is never replaced; every file is written whole or not at all",
+        ("tests/output/test_writing.py", "tests/test_repository.py"),
+    ),
     Gate("F-3", "no pickle, no eval, no shell, no network", ("tests/test_repository.py",)),
     Gate(
         "F-6",

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import math
-from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from bench.studies.experiment.commands import ExperimentError
-from bench.studies.grains import flow_file, run
 from bench.studies.grains.coarse import Fields
 from bench.studies.grains.materials import (
     BULK_DENSITY,
     BULK_FRACTION,
-    Material,
 )
 from bench.studies.grains.own_law import own_law, reference
-from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.surface import fraction, surface_height
-from granpinn.data import Flow, write_flow
 
 LAW = {"mu_s": 0.26, "mu_2": 0.74, "I0": 0.3}
 TANGENT = 0.40
@@ -60,18 +51,6 @@ def law_inverse(mu: float) -> float:
     return LAW["I0"] * (mu - LAW["mu_s"]) / (LAW["mu_2"] - mu)
 
 
-def bagnold_flow(periodic: bool = True) -> Flow:
-    scene = SCENES["chute_fast_steady"](Material(0.4))
-    if not periodic:
-        scene = replace(scene, attributes={})
-    cos = 1 / math.hypot(1, TANGENT)
-    scene = replace(scene, gravity=(TANGENT * cos, -cos))
-    fields = bagnold()
-    height = np.full((2, 12), HEIGHT)
-    c = fraction(fields, height)
-    return flow_file.flow_of(scene, Material(0.4), fields, c, height, LAW, {"scene": "bagnold"})
-
-
 def test_the_own_law_of_bagnolds_flow() -> None:
     fields = bagnold()
     height = surface_height(fields)
@@ -85,42 +64,3 @@ def test_the_own_law_of_bagnolds_flow() -> None:
     assert own["norm"]["mean"]["mu"] == pytest.approx(TANGENT, rel=1e-6)
     assert own["norm"]["law"] is None  # one I
     assert found.noise["velocity_percent"] < 0.1
-
-
-SUMMARY = {
-    "scene": "drum",
-    "material": 0.4,
-    "truth": LAW,
-    "own": {
-        "along_D": {
-            "I_range": [0.02, 0.12],
-            "law": LAW,
-            "points": [],
-            "mean": {"I": 0.06, "mu": 0.34},
-        }
-    },
-}
-
-
-def test_every_score_is_on_the_disk_before_the_next_flow(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The second scene fails: the score of the first stays."""
-    for name in ("chute", "drum"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "scene.json").write_text(json.dumps(SUMMARY))
-        write_flow(bagnold_flow(), tmp_path / name / "flow.h5")
-
-    def scored(folder: Path, scene: Path) -> dict[str, Any]:
-        if scene.name == "drum":
-            raise ExperimentError("no drum")
-        return {"scene": scene.name, "material": 0.4, "seed": 7}
-
-    batches: list[int] = []
-    monkeypatch.setattr(run, "identify_many", lambda flows, *_, **__: batches.append(len(flows)))
-    monkeypatch.setattr(run, "score", scored)
-    words = ["--all", str(tmp_path), "--out", str(tmp_path / "runs"), "--group", "1"]
-    assert run.main([*words, "--seeds", "7", "--steps", "9"]) == 1
-    found = json.loads((tmp_path / "runs" / "grains.json").read_text())
-    assert [score["scene"] for score in found["scores"]] == ["chute"]
-    assert (found["settings"], batches) == (["--steps", "9"], [1, 1])

@@ -13,6 +13,7 @@ from bench.studies.grains.materials import SPHERES, Material
 from bench.studies.grains.scenes import SCENES
 from bench.studies.grains.scenes.channel import COLUMNS, GAP, LENGTH
 from granpinn.arrays import Float64
+from tests.bench.test_grains_fields import dump
 
 SPACING = 0.5
 RADIUS = SPACING / 2
@@ -34,23 +35,13 @@ def spheres() -> Float64:
     return np.stack([x, y, z, y + z, 0 * one, RADIUS * one, mass, *stress, *side], axis=1)
 
 
-@pytest.fixture
-def dump(tmp_path: Path) -> Path:
-    table = spheres()
-    rows = "\n".join(" ".join(f"{v:.7g}" for v in row) for row in table)
-    snapshot = (
-        f"ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{len(table)}\nITEM: BOX BOUNDS pp ff ff\n"
-        f"0 1\n0 1\n0 1\nITEM: ATOMS {' '.join(COLUMNS)}\n{rows}\n"
-    )
-    path = tmp_path / "grains.dump"
-    path.write_text(2 * snapshot)
-    return path
-
-
-def test_a_slab_has_the_fields_of_its_part_of_the_width(dump: Path) -> None:
+def test_a_slab_has_the_fields_of_its_part_of_the_width(tmp_path: Path) -> None:
+    rows = [" ".join(f"{v:.7g}" for v in row) for row in spheres()]
+    path = dump(tmp_path / "grains.dump", rows, COLUMNS)
+    path.write_text(2 * path.read_text())
     scene = replace(SCENES["channel_wall"](Material(0.4)), snapshots=2, frames=2)
     whole, seen = (
-        coarse.coarse_grain(scene, slabs.slabs(dump, low, high)) for low, high in ((0, GAP), (0, 2))
+        coarse.coarse_grain(scene, slabs.slabs(path, low, high)) for low, high in ((0, GAP), (0, 2))
     )
     rows = slice(3, 7)
     for fields, z in ((whole, GAP / 2), (seen, 1.0)):
@@ -60,7 +51,7 @@ def test_a_slab_has_the_fields_of_its_part_of_the_width(dump: Path) -> None:
         np.testing.assert_allclose(means, z, atol=0.02)
         assert fields.stress[:, rows, :, coarse.YY].mean() == pytest.approx(3, rel=5e-3)
     assert slabs.measured_bulk(seen).bulk == pytest.approx(FRACTION, rel=0.02)
-    made = slabs.side_walls(scene, dump, slabs.measured_bulk(whole))
+    made = slabs.side_walls(scene, path, slabs.measured_bulk(whole))
     assert made["friction"] == pytest.approx(0.1)
     # 0.2 per SPACING^2 of a wall; the velocity varies across, which adds a kinetic stress to p.
     p = whole.stress[..., [coarse.XX, coarse.YY]].mean(axis=(0, 2, 3))

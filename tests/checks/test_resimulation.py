@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from granpinn import results
 from granpinn.checks.resimulation import Curves, Resimulation, resimulate
-from granpinn.commands import train
-from granpinn.data import Flow, write_flow
+from granpinn.data import Flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.simulation import Collapse, simulate
 
@@ -25,13 +21,6 @@ def law(mu_s: float, mu_2: float) -> tuple[float, ...]:
 @pytest.fixture(scope="module")
 def flow() -> Flow:
     return simulate(Collapse(0.4, 0.64, cells=64, stride=2, frames=20, t_end=3.0, threads=1))
-
-
-@pytest.fixture(scope="module")
-def flow_file(flow: Flow, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("flows") / "column.h5"
-    write_flow(flow, path)
-    return path
 
 
 def curves_of(found: Resimulation) -> Curves:
@@ -112,33 +101,3 @@ def test_a_flow_between_side_walls_has_them_again() -> None:
     assert other is not None
     assert same < 0.1
     assert other > 5
-
-
-def test_the_command_shows_it(
-    flow_file: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    figures: Callable[..., None],
-) -> None:
-    figures()
-    flags = [
-        "--steps",
-        "6",
-        "--log-every",
-        "2",
-        "--network.widths",
-        "6,5",
-        "--batch.interior",
-        "16",
-        "--simulated_pressure.frames",
-        "2",
-    ]
-    out = tmp_path / "run"
-    assert train.main([str(flow_file), "--out", str(out), "--resimulate", *flags]) == 0
-    assert "simulated again with this law: velocity off by" in capsys.readouterr().out
-    checks = results.read_results(out / "results.json").checks
-    found = checks["resimulation"]
-    page = (out / "report.html").read_text()
-    assert "Simulated with the identified law" in page
-    assert f"{found.velocity_percent:.2f}" in page
-    assert (out / "figures" / "resimulation.png").exists()

@@ -14,7 +14,7 @@ from granpinn.checks import simulated_pressure
 from granpinn.checks.resimulation import resimulate
 from granpinn.data import Flow, write_flow
 from granpinn.physics.laws import LAWS
-from tests.command.test_results_first import raising, run
+from tests.command.late_parts import raising, run
 
 # What a file may say about its box, with the unit of another length or none at all.
 LENGTHS = [12000.0, 1e12, 1e308, 1e-12, 5e-324]

@@ -10,7 +10,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-OUTSIDE = "outside.h5"
+from .hostile_edits import OUTSIDE
+
 SENTINEL = 12345.5
 
 

@@ -15,10 +15,12 @@ from granpinn.data import (
     FlowFileError,
     Surface,
     Truth,
+    Walls,
     check_flow,
     read_flow,
     write_flow,
 )
+from tests.data.walled import FLOOR, NAN, full, line, single
 from tests.flows import make_flow
 
 FLOW = make_flow()
@@ -67,8 +69,6 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
         {"u": np.zeros(FLOW.u.shape, int)},
         "u must be float32 or float64 [T, Y, X], got int64 [12",
     ),
-    "v transposed": ({"v": FLOW.v.T}, "v must be [T, Y, X] = [12, 24, 20], got [20, 24, 12]: tra"),
-    "c of one frame": ({"c": FLOW.c[0]}, "c must be float32 [T, Y, X], got 2 dimensions"),
     "p of other size": ({"p": FLOW.p[:, 1:]}, "p must be [T, Y, X] = [12, 24, 20], got [12, 23"),
     "x as float32": ({"x": FLOW.x.astype("f4")}, "x must be float64 [X], got float32 [20]"),
     "t in 2D": ({"t": FLOW.t[None]}, "t must be float64 [T], got 2 dimensions"),
@@ -88,10 +88,8 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
     "c negative": (changed("c", (3, 2, 1), -0.1), "got -0.1 to 1"),
     "c never 1": ({"c": FLOW.c * np.float32(0.99)}, "got no such point (largest value 0.99)"),
     "no grains at first": (changed("c", 0, 0.0), "c must be 1 at some point of the first frame"),
-    "u infinite": (changed("u", (3, 2, 1), -np.inf), "u must be finite, or NaN"),
     "v infinite": (changed("v", (3, 2, 1), np.inf), "v must be finite, or NaN"),
     "NaN in u alone": (changed("u", (3, 0, 0), np.nan), "same points, got 1 where only one"),
-    "frame of NaN": (both(4, np.nan), "only NaN in 1 of 12 frames (first: t = 0.427273)"),
     "NaN where there are grains": (
         {
             "u": np.where(FLOW.c == 1, np.nan, 1).astype("f4"),
@@ -115,15 +113,10 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
         {"surface": Surface(*(np.empty(0) for _ in range(3)))},
         "surface_t must hold at least one point",
     ),
-    "short surface": (surface("y", lambda y: y[1:]), "surface_y must have as many points as surf"),
     "surface of NaN": (surface("x", with_value(np.nan)), "surface_x must be finite"),
     "surface pressure of NaN": (surface("p", with_value(np.inf)), "surface_p must be finite"),
     "surface elsewhere": (surface("x", lambda x: x * 1000), "surface_x must lie within x"),
     "surface at another time": (surface("t", lambda t: t + 9), "surface_t must lie within t"),
-    "negative density": (
-        {"density": -1.0},
-        "density must be a positive number, got -1",
-    ),
     "no grain size": (
         {"grain_diameter": 0.0},
         "grain_diameter must be a positive number, got 0",
@@ -133,7 +126,6 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
         "density must be a positive number, got nan",
     ),
     "no gravity": ({"gravity": (0.0, 0.0)}, "gravity must be two finite numbers"),
-    "gravity in 3D": ({"gravity": (0.0, 0.0, -1.0)}, "gravity must be two finite numbers"),
     "gravity NaN": ({"gravity": (0.0, np.nan)}, "gravity must be two finite numbers"),
     "eta_max": (
         {"eta_max": np.inf},
@@ -144,6 +136,36 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
     "attribute": ({"attributes": {"list": [1, 2]}}, "attribute 'list' must be one number or text"),
     "attribute name": ({"attributes": {"a/b": 1}}, "attribute 'a/b' must be one number or text"),
 }
+
+
+WALLS: dict[str, tuple[Walls, str]] = {
+    "y alone is NaN": (line((0, 0), (1, NAN), (2, 0)), "must be NaN at the same points"),
+    "infinite x": (line((0, 0), (np.inf, 0)), "wall_x must lie within x"),
+    "other unit": (line((0, 0), (2000, 0)), "wall_x must lie within x"),
+    "huge": (line((-1e308, 0), (1e308, 0)), "wall_x must lie within x"),
+    "a piece of one point": (
+        line((0, 0), (2, 0), (NAN, NAN), (0, 1)),
+        "at least two points that differ, got none in that at index 3",
+    ),
+    "only NaN": (
+        line((NAN, NAN), (NAN, NAN)),
+        "at least two points that differ, got none in that at index 0",
+    ),
+    "no point": (Walls(np.empty(0), np.empty(0)), "wall_x must hold at least one point"),
+    "one place": (line((1, 1), (1, 1)), "at least two points that differ"),
+    "short": (Walls(np.zeros(2), np.zeros(3)), "wall_y must have as many points as wall_x, 2"),
+    "u alone": (replace(FLOOR, u=full(1.0)), "wall_u and wall_v must come together"),
+    "velocity of NaN": (replace(FLOOR, u=full(1.0), v=full(NAN)), "wall_v must be finite"),
+    "half slip": (replace(FLOOR, slip=single(0, 0.5)), "wall_slip must be 0 where grains move"),
+    "slip of NaN": (replace(FLOOR, slip=single(0, NAN)), "wall_slip must be finite"),
+    "pull": (replace(FLOOR, p=single(1, -1)), "wall_p must be a stress of at least 0"),
+    "infinite pressure": (replace(FLOOR, p=single(1, np.inf)), "wall_p must be a stress"),
+    "signed": (replace(FLOOR, tau=single(1, -1)), "wall_tau must be a stress of at least 0"),
+    "two times": (replace(FLOOR, t=np.array([0.1, 0.2])), "wall_t must be the same at all points"),
+    "late": (replace(FLOOR, t=full(9.0)), "wall_t must lie near t"),
+    "rounded": (replace(FLOOR, x=single(0, 2)), "wall_x must be float64 [m], got float32"),
+}
+RULES |= {f"walls: {name}": ({"walls": walls}, text) for name, (walls, text) in WALLS.items()}
 
 
 def test_the_flow_for_tests_keeps_every_rule() -> None:

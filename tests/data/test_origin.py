@@ -13,16 +13,14 @@ from granpinn.data import (
     Flow,
     FlowFileError,
     check_flow,
-    particle_flow,
     training_set,
 )
-from granpinn.data.flow import Particles
 from granpinn.data.scaling import scales_of
 from granpinn.fit.case import Model
 from granpinn.fit.prediction import predict
 from granpinn.results.fields import read_fields, write_fields
 from tests.examples import make_model
-from tests.flows import make_flow
+from tests.flows import make_flow, scattered
 
 # Offsets of x, y and t. They are multiples of the spacing of the moved coordinates, so that the
 # moved flow has the same steps but for the rounding of float64.
@@ -53,19 +51,11 @@ def trained(flow: Flow, form: str = "mixed") -> Model:
     return Model(spec, physics, params, theta, scales_of(flow), law)
 
 
-def scattered() -> Flow:
-    frame, row, column = np.nonzero(FLOW.valid)
-    at = (frame, row, column)
-    particles = Particles(FLOW.t[frame], FLOW.x[column], FLOW.y[row], FLOW.u[at], FLOW.v[at])
-    names = ("gravity", "density", "grain_diameter", "surface")
-    return particle_flow(particles, **{name: getattr(FLOW, name) for name in names})
-
-
 @pytest.mark.parametrize("kind", ["grid", "particles"])
 @pytest.mark.parametrize("level", ["V0", "V1"])
 @pytest.mark.parametrize("offset", OFFSETS)
 def test_a_moved_flow_is_the_same_training(offset: str, level: str, kind: str) -> None:
-    flow = FLOW if kind == "grid" else scattered()
+    flow = FLOW if kind == "grid" else scattered(FLOW)
     there = moved(flow, OFFSETS[offset])
     check_flow(there)
     before, after = (

@@ -25,6 +25,7 @@ from granpinn.data import (
 )
 from granpinn.data import particles as particles_module
 from granpinn.data.scaling import RESOLUTION, equation_constants, scales_of
+from tests import flows
 from tests.flows import make_flow
 
 GRID = make_flow()
@@ -32,24 +33,15 @@ GRID = make_flow()
 
 def scattered(flow: Flow = GRID, **changes: Any) -> Flow:
     """The valid vectors of a grid in random order, each with its own standard deviation."""
-    frame, row, column = np.nonzero(flow.valid)
-    order = np.random.default_rng(5).permutation(frame.size)
-    k, j, i = frame[order], row[order], column[order]
-    sigma = (0.01 + 0.01 * np.arange(k.size) / k.size).astype(np.float32)
-    particles = Particles(
-        flow.t[k], flow.x[i], flow.y[j], flow.u[k, j, i], flow.v[k, j, i], sigma, sigma
-    )
-    return particle_flow(
-        replace(particles, **changes),
-        gravity=flow.gravity,
-        density=flow.density,
-        grain_diameter=flow.grain_diameter,
-        length_unit="m",
-        time_unit="s",
-        density_unit="kg/m^3",
-        grain_density=2500.0,
-        surface=flow.surface,
-    )
+    vectors = vars(flows.scattered(flow).particles)
+    n = vectors["t"].size
+    order = np.random.default_rng(5).permutation(n)
+    sigma = (0.01 + 0.01 * np.arange(n) / n).astype(np.float32)
+    vectors = {name: vectors[name][order] for name in "txyuv"}
+    vectors |= {"sigma_u": sigma, "sigma_v": sigma}
+    particles = Particles(**(vectors | changes))
+    density = {"density_unit": "kg/m^3", "grain_density": 2500.0}
+    return flows.scattered(flow, particles=particles, **density)
 
 
 FLOW = scattered()

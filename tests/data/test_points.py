@@ -167,16 +167,6 @@ def test_a_level_needs_its_data(flow: Flow, level: str, message: str) -> None:
         training_set(flow, SCALES, level)
 
 
-def test_training_never_sees_truth_or_reference_pressure() -> None:
-    blind = replace(FLOW, truth=None, p=None)
-    for a, b in zip(
-        vars(training_set(FLOW, SCALES, "V2")).values(),
-        vars(training_set(blind, SCALES, "V2")).values(),
-        strict=True,
-    ):
-        assert a is b is None or torch.equal(a, b)
-
-
 def test_weights() -> None:
     assert torch.equal(
         training_set(FLOW, SCALES).point_weights, torch.ones(int(FLOW.valid.sum()), 2)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 
-from granpinn.data import Flow, FlowFileError, Particles, particle_flow, read_flow, write_flow
+from granpinn.data import Flow, read_flow, write_flow
 from granpinn.data.surface import from_fraction, moved, surface_sd
-from tests.flows import make_flow
+from tests.flows import make_flow, scattered
 
 FINE = {"frames": 4, "rows": 66, "columns": 120}
 
@@ -23,15 +21,6 @@ def masked(flow: Flow) -> Flow:
 
 def solver(flow: Flow) -> Flow:
     return replace(flow, attributes={"grid_spacing_of_solver": flow.spacing[1]})
-
-
-def particles() -> Flow:
-    flow = make_flow()
-    frame, row, column = np.nonzero(flow.valid)
-    at = flow.t[frame], flow.x[column], flow.y[row]
-    vectors = Particles(*at, flow.u[flow.valid], flow.v[flow.valid])
-    constants = {"gravity": flow.gravity, "density": 1.0, "grain_diameter": 0.025}
-    return particle_flow(vectors, surface=flow.surface, **constants)
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0, 4.0])
@@ -76,7 +65,7 @@ def test_the_rule() -> None:
     assert surface_sd(shifted, "V1") == pytest.approx(h, rel=0.2)
     assert surface_sd(small, "V0") == h / 2
     assert surface_sd(replace(small, surface=None), "V0") == h / 2
-    assert surface_sd(particles(), "V1") == 0.025 / 2
+    assert surface_sd(scattered(make_flow()), "V1") == 0.025 / 2
 
 
 @pytest.mark.parametrize("stated", [0.0, 0.003])
@@ -86,27 +75,6 @@ def test_the_file_decides(tmp_path: Path, stated: float) -> None:
         write_flow(with_sd, tmp_path / f"{k}.h5")
         assert surface_sd(read_flow(tmp_path / f"{k}.h5"), "V1") == stated
         assert surface_sd(with_sd, "V0") == surface_sd(flow, "V0")
-
-
-REFUSED: dict[str, tuple[Any, str]] = {
-    "negative": (-1.0, "surface_sd must be 0 for an exact line or a length from"),
-    "endless": (float("inf"), "surface_sd must be 0 for an exact line or a length from"),
-    "NaN": (float("nan"), "surface_sd must be 0 for an exact line or a length from"),
-    "in words": ("half a grain", "surface_sd must be 0 for an exact line or a length from"),
-    "in another unit": (12.5, "surface_sd must be smaller than the height of the grains"),
-}
-
-
-@pytest.mark.parametrize(("value", "words"), REFUSED.values(), ids=REFUSED.keys())
-def test_other_values_are_refused(tmp_path: Path, value: Any, words: str) -> None:
-    flow = make_flow(attributes={"surface_sd": value})
-    with pytest.raises(FlowFileError, match=words):
-        write_flow(flow, tmp_path / "flow.h5")
-    write_flow(make_flow(), tmp_path / "flow.h5")
-    with h5py.File(tmp_path / "flow.h5", "r+") as file:
-        file.attrs["surface_sd"] = value
-    with pytest.raises(FlowFileError, match="surface_sd"):
-        read_flow(tmp_path / "flow.h5")
 
 
 def with_moved_surface(flow: Flow, offset: float) -> Flow:

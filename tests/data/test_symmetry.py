@@ -63,6 +63,14 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "gap of NaN": ({"wall_gap": float("nan")}, "wall_gap must be a length from"),
     "gap in words": ({"wall_gap": "20 mm"}, "wall_gap must be a length from 1e-30 to 1e+30, got"),
     "period in another unit": ({"period_x": 0.032}, "period_x must be longer than x, which spans"),
+    "no line": ({"surface_sd": -1.0}, "surface_sd must be 0 for an exact line or a length from"),
+    "endless line": ({"surface_sd": float("inf")}, "surface_sd must be 0 for an exact line or a"),
+    "line of NaN": ({"surface_sd": float("nan")}, "surface_sd must be 0 for an exact line or a"),
+    "line in words": ({"surface_sd": "half a grain"}, "surface_sd must be 0 for an exact line or"),
+    "line in another unit": (
+        {"surface_sd": 1250.0},
+        "surface_sd must be smaller than the height of the grains",
+    ),
 }
 
 

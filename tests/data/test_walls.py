@@ -22,9 +22,7 @@ from granpinn.data.scaling import scales_of
 from granpinn.data.wall_points import walls_of
 from granpinn.data.walls import crossed, parted, samples, segments_of
 from tests.data.walled import FLOOR, NAN, full, line, single
-from tests.flows import make_chute, make_flow
-
-FLOW = make_flow()
+from tests.flows import make_chute
 
 
 def test_a_wall_that_moves_is_one_wall() -> None:
@@ -151,6 +149,9 @@ def test_a_wall_that_grains_flow_through_is_none(seed: int) -> None:
     with pytest.warns(FlowFileWarning, match="grains flow through the wall"):
         data = on_walls(across)
     assert len(data.wall_points) == 0
+    found = walls_of(replace(across, walls=replace(FLOOR, slip=single(0, 0))))
+    assert found is not None
+    assert not found[0].sticks.any()
 
 
 def test_a_turning_drum() -> None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 
-import pytest
-
-from bench.studies.reliability.record import Record
+from bench.studies.reliability.record import RESULTS, Record, read
 from tests.docs.test_site import ROOT, hook
 
 PAGE = hook("reliability")
@@ -17,6 +14,12 @@ def test_every_test_that_the_page_names_exists() -> None:
     for gate in PAGE.KEPT_BY_TESTS:
         for path in gate.tests:
             assert (ROOT / path).is_file(), path
+
+
+def test_the_records_of_the_repository_can_be_read() -> None:
+    paths = sorted(RESULTS.glob("*.json"))
+    assert paths
+    assert all(read(path)["tried"] > 0 for path in paths)
 
 
 def test_a_record_is_shown_with_its_numbers(tmp_path: Path) -> None:
@@ -30,8 +33,3 @@ def test_a_record_is_shown_with_its_numbers(tmp_path: Path) -> None:
     assert "| flow train | refused 3,000, seconds 1.23 |" in text
     assert "python -m bench.studies.x" in text
     assert "repeat: --only  0 " in text
-
-
-@pytest.mark.parametrize("name", ["mutants", "output_faults"])
-def test_commands_exist(name: str) -> None:
-    assert importlib.util.find_spec(f"bench.studies.reliability.{name}") is not None

@@ -93,3 +93,12 @@ def test_citation_is_valid() -> None:
     assert citation["license"] == project["license"]["text"]
     for author in [*citation["authors"], *citation["references"][0]["authors"]]:
         assert {"name"} == set(author) or {"family-names", "given-names"} == set(author)
+
+
+def test_the_index_of_the_search_is_a_script_and_so_is_the_worker() -> None:
+    """The search works on pages that are opened from files."""
+    plugins, scripts = settings()["plugins"], settings()["extra"]["polyfills"]
+    assert plugins.index("search") < plugins.index("offline")
+    # The plugin loads the script from another host, unless one of this name is given.
+    assert [name for name in scripts if "iframe-worker" in name]
+    assert all((DOCS / name).is_file() for name in scripts)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from granpinn.arrays import Float64
 from granpinn.config import Config, Network
 from granpinn.data import Flow
 from granpinn.identification.single import identify
+from granpinn.physics.laws import mu_of_i
 from granpinn.simulation import Chute, simulate
 from granpinn.uncertainty import error_bars
 
@@ -23,19 +23,13 @@ def flow() -> Flow:
     return simulate(chute)
 
 
-def mu(theta: tuple[float, ...], number: Float64) -> Float64:
-    mu_s, mu_2, I0 = theta
-    friction: Float64 = mu_s + (mu_2 - mu_s) / (I0 / number + 1)
-    return friction
-
-
 @pytest.mark.parametrize("noise", [0.0, pytest.param(0.02, marks=pytest.mark.long)])
 def test_law_and_pressure_of_a_chute_from_rest(noise: float, flow: Flow) -> None:
     config = Config(steps=4000, network=Network(widths=(32, 32, 32)), noise=noise, device="cpu")
     result = identify(flow, config)
     assert result.law.I_range is not None
     covered = np.geomspace(*result.law.I_range, 5)
-    error = 100 * (mu(result.theta, covered) / mu(LAW, covered) - 1)
+    error = 100 * (mu_of_i.friction(covered, *result.theta) / mu_of_i.friction(covered, *LAW) - 1)
     assert np.abs(error).max() < WITHIN_LAW
     assert result.error_percent.pressure is not None
     assert result.error_percent.pressure < WITHIN_PRESSURE

@@ -14,7 +14,7 @@ import torch
 from granpinn import results
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import read_toml
-from granpinn.data import Flow, FlowFileError, Truth
+from granpinn.data import Flow, Truth
 from granpinn.fit import case as case_module
 from granpinn.fit import prediction
 from granpinn.identification.single import identify
@@ -148,11 +148,6 @@ def test_two_runs_never_mix(flow: Flow, tmp_path: Path) -> None:
     before = (tmp_path / "config.toml").read_text()
     identify(flow, tiny(resume=True), run_dir=tmp_path)
     assert (tmp_path / "config.toml").read_text() == before
-
-
-def test_a_flow_that_breaks_a_rule_is_refused(flow: Flow) -> None:
-    with pytest.raises(FlowFileError, match="density"):
-        identify(dataclasses.replace(flow, density=-1.0), tiny())
 
 
 def test_devices(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,18 +12,9 @@ from bench.scale import write_flow_file
 from granpinn.data import large, points, read_flow
 from granpinn.identification.identified import Identification
 from granpinn.identification.single import identify
-from granpinn.training.progress import Silent
-from tests.runs import tiny
+from tests.runs import Heard, tiny
 
 FRAMES, CELLS, VECTORS = 60, 16, 2000
-
-
-class Heard(Silent):
-    def __init__(self) -> None:
-        self.messages: list[str] = []
-
-    def message(self, text: str) -> None:
-        self.messages.append(text)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +27,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Identification, Path,
         patch.setattr(points, "MOST_VECTORS", VECTORS)
         flow = read_flow(folder / "flow.h5", max_bytes=1000)  # used in its file
         found = identify(flow, tiny(), run_dir=folder / "run", progress=heard)
-    return found, folder / "run", heard.messages
+    return found, folder / "run", heard.said
 
 
 def test_the_result_says_what_was_sampled(run: tuple[Identification, Path, list[str]]) -> None:

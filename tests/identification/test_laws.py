@@ -5,21 +5,15 @@ from __future__ import annotations
 import pytest
 
 from granpinn.config import Config, ConfigError
-from granpinn.data import Flow, read_flow
+from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.fit.case import fixed_values
 from granpinn.identification.batch import identify_many
 from granpinn.identification.single import identify
 from granpinn.physics.laws import LAWS
-from granpinn.simulation import demo_path
 
 from ..runs import tiny
-
-
-@pytest.fixture(scope="module")
-def demo() -> Flow:
-    return read_flow(demo_path())
 
 
 def test_members_of_one_batch_have_laws_of_their_own(flow: Flow) -> None:

@@ -8,6 +8,7 @@ import pytest
 from granpinn import identify
 from granpinn.fit import assumptions
 from granpinn.fit.case import pose
+from granpinn.physics.laws import mu_of_i
 from granpinn.results import Result
 from tests.flows import make_channel, make_chute
 from tests.runs import tiny
@@ -31,19 +32,15 @@ def identified(friction: float, sd: float = 0.0) -> Result:
     return identify(flow, tiny(**settings))
 
 
-def mu(mu_s: float, mu_2: float, I0: float) -> np.ndarray:
-    return mu_s + (mu_2 - mu_s) / (1 + I0 / RANGE)
-
-
 def test_the_friction_of_the_walls_is_told_from_that_of_the_grains() -> None:
-    truth = mu(0.3, 0.7, 0.3)
+    truth = mu_of_i.friction(RANGE, 0.3, 0.7, 0.3)
     with_walls = identified(FRICTION)
-    np.testing.assert_allclose(mu(*with_walls.theta), truth, rtol=0.02)
+    np.testing.assert_allclose(mu_of_i.friction(RANGE, *with_walls.theta), truth, rtol=0.02)
     assert with_walls.assumptions == ()
     assert with_walls.checks["momentum_balance"].balance.wall_friction == FRICTION
     # without the term, the walls count as friction between grains: mu_w z / W = 0.12 on average
     without = identified(0.0)
-    assert (mu(*without.theta) - truth)[:2].min() > 0.06
+    assert (mu_of_i.friction(RANGE, *without.theta) - truth)[:2].min() > 0.06
     assert without.theta[0] == pytest.approx(0.5, abs=0.05)  # the slope, at every depth
 
 

@@ -17,21 +17,10 @@ from granpinn.identification.single import identify
 from granpinn.results import read_fields
 from granpinn.results.fields import after_start
 from granpinn.training.checkpoint import CheckpointError
-from granpinn.training.progress import Silent
 from tests.flows import make_chute, make_flow
-from tests.runs import SIMULATED_AGAIN, tiny
+from tests.runs import SIMULATED_AGAIN, Heard, tiny
 
 BOTH = ("the same along x: no derivative along x", "steady: no time derivative")
-
-
-class Messages(Silent):
-    """Keeps what a run says."""
-
-    def __init__(self) -> None:
-        self.said: list[str] = []
-
-    def message(self, text: str) -> None:
-        self.said.append(text)
 
 
 @pytest.mark.filterwarnings("ignore:.*stated as steady")
@@ -50,7 +39,7 @@ def test_the_network_gets_no_input_that_has_no_effect(units: str) -> None:
 
 
 def test_every_column_of_a_chute_is_the_same(tmp_path: Path) -> None:
-    flow, listener = make_chute(frames=2), Messages()
+    flow, listener = make_chute(frames=2), Heard()
     result = identify(flow, tiny(), run_dir=tmp_path / "run", progress=listener)
     assert result.data.symmetries == BOTH
     assert "; ".join(BOTH) in listener.said
@@ -68,7 +57,7 @@ def test_every_column_of_a_chute_is_the_same(tmp_path: Path) -> None:
 def test_a_film_of_a_steady_flow_trains_on_its_mean(tmp_path: Path, seed: int) -> None:
     """Found or stated; a run of one cannot go on as the other."""
     film = add_noise(make_chute(frames=20, attributes={"period_x": 32.0}), 0.05, seed)
-    listener = Messages()
+    listener = Heard()
     found = identify(film, tiny(), run_dir=tmp_path / "run", progress=listener)
     assert found.data.sampled in listener.said
     assert "the mean over its 20 frames is used" in str(found.data.sampled)

@@ -18,8 +18,6 @@ from tests.importers.test_surface import PHYSICAL, in_pixels
 
 GRAINS = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
 
-QUIET = {"surface": "none", "flip_y": "no"}
-
 
 def lines(path: Path, *content: str) -> str:
     path.write_text("\n".join(content) + "\n")

@@ -1,4 +1,4 @@
-"""Attacks on MATLAB 7.3, netCDF4, tracks in HDF5 and fields.h5: refused, and no file is opened."""
+"""Attacks on flow files, MATLAB 7.3, netCDF4, tracks and fields.h5: refused, no file is opened."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ import h5py
 import numpy as np
 import pytest
 
+from granpinn.data import FlowFileError, read_flow, write_flow
 from granpinn.data.hdf5 import read_hdf5
 from granpinn.importers import DataFileError, read_vectors
 from granpinn.regular import UnsafeFileError
 from granpinn.results import FieldsFileError, read_fields, write_fields
 from tests.data.hostile_containers import ATTACKS, make_outside
+from tests.flows import make_flow
 from tests.importers.test_pivlab_mat import all_frames, one_frame, version_73
 from tests.importers.test_simulation_files import dataset
 from tests.opened import watched
@@ -46,6 +48,11 @@ def fields(path: Path) -> Path:
     return path
 
 
+def flow(path: Path) -> Path:
+    write_flow(make_flow(), path)
+    return path
+
+
 Read = Callable[[Path], Any]
 
 # Maker, dataset to attack, reader.
@@ -55,8 +62,11 @@ CONTAINERS: dict[str, tuple[str, Callable[[Path], Path], str, Read]] = {
     "netcdf": ("a.nc", netcdf, "u", lambda p: read_vectors(p, "netcdf")),
     "tracks": ("a.h5", tracks, "x", lambda p: read_vectors(p, "tracks")),
     "fields": ("fields.h5", fields, "u", read_fields),
+    "flow": ("flow.h5", flow, "u", read_flow),
 }
 
+
+ERRORS = DataFileError, FieldsFileError, FlowFileError
 
 # A reference names an object, so no link lies on the way to it.
 CASES = [
@@ -83,7 +93,9 @@ def test_is_refused(
             file["u_filtered"][...] = references
     monkeypatch.chdir(tmp_path)  # external storage is looked up from here
     with watched(outside) as opened:
-        with pytest.raises((DataFileError, FieldsFileError), match=message) as caught:
+        with pytest.raises(
+            (DataFileError, FieldsFileError, FlowFileError), match=message
+        ) as caught:
             read(path)
         assert not opened()
     assert "\n" not in str(caught.value)

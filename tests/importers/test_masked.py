@@ -23,15 +23,6 @@ def under_mask(values: Any) -> Any:
     return np.ma.array(np.where(GONE, FILL, values), mask=GONE)
 
 
-def test_data_sets_decode_what_their_attributes_say() -> None:
-    """Numbers that were opened without mask_and_scale."""
-    data, raw = dataset(), dataset()
-    raw["u"] = (data.u.dims, np.where(GONE, -999.0, data.u / 2), data.u.attrs)
-    raw["u"].attrs |= {"_FillValue": -999.0, "scale_factor": 2.0}
-    found, expected = (granpinn.flow(d, **MATERIAL) for d in (raw, data))
-    np.testing.assert_allclose(found.u, expected.u, rtol=1e-6)
-
-
 def masked_flow() -> Any:
     return make_flow(u=under_mask(HEAP.u), v=under_mask(HEAP.v))
 

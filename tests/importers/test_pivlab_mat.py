@@ -154,12 +154,28 @@ def _no_y_at_first(variables: dict[str, Any]) -> None:
     variables["y"].flat[0] = np.empty(0, object)
 
 
+def _types_in_one_frame(m: dict[str, Any]) -> None:
+    m["typevector_filtered"][1, 0] = np.empty((0, 0))
+
+
+def _turned(m: dict[str, Any]) -> None:
+    y = m["y"][0, 0] + 0.01 * m["x"][0, 0]
+    m["y"] = cell([y] * scene.FRAMES)
+
+
+def _two_scales(m: dict[str, Any]) -> None:
+    m["calxy"] = np.array([[1e-3, 2e-3]])
+
+
 WRONG: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
     "transposed": (_transposed, "matrices x, y, u, v of one size, one grid.*in frame 2"),
     "another grid": (_other_grid, "one grid.*in frame 3"),
     "no x": (_no_x, "matrices x, y, u, v of one size"),
     "no y in the first frame": (_no_y_at_first, "something else in frame 1"),
     "no frames": (_no_frames, "holds no analyzed frame"),
+    "types": (_types_in_one_frame, "vector types in all frames or in none"),
+    "rows": (_turned, "must have one y in every row, got several"),
+    "scales": (_two_scales, "calxy must be one number, got 2"),
 }
 
 
@@ -168,36 +184,6 @@ WRONG: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
 def test_wrong_content_is_refused(
     tmp_path: Path, write: Writer, change: Callable[[dict[str, Any]], None], message: str
 ) -> None:
-    variables = all_frames()
-    change(variables)
-    with pytest.raises(DataFileError, match=message):
-        read_vectors(write(tmp_path / "a.mat", variables))
-
-
-def types_in_one_frame(m: dict[str, Any]) -> None:
-    m["typevector_filtered"][1, 0] = np.empty((0, 0))
-
-
-def turned(m: dict[str, Any]) -> None:
-    y = m["y"][0, 0] + 0.01 * m["x"][0, 0]
-    m["y"] = cell([y] * scene.FRAMES)
-
-
-def two_scales(m: dict[str, Any]) -> None:
-    m["calxy"] = np.array([[1e-3, 2e-3]])
-
-
-SEVERAL = {
-    "types": (types_in_one_frame, "vector types in all frames or in none"),
-    "rows": (turned, "must have one y in every row, got several"),
-    "scales": (two_scales, "calxy must be one number, got 2"),
-}
-
-
-@WRITERS
-@pytest.mark.parametrize("name", SEVERAL)
-def test_the_first_of_several_is_not_taken(tmp_path: Path, write: Writer, name: str) -> None:
-    change, message = SEVERAL[name]
     variables = all_frames(scene.METERS)
     change(variables)
     with pytest.raises(DataFileError, match=message):

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pytest
 
-from granpinn.importers import DataFileError, Validity, read_vectors
+from granpinn.importers import Validity, read_vectors
 from tests.importers import scene
 
 KIND = {Validity.VALID: 1, Validity.INTERPOLATED: 2, Validity.INVALID: 2, Validity.MASKED: 0}
@@ -84,44 +82,3 @@ def test_tecplot_zeros_are_not_vectors(tmp_path: Path) -> None:
     fields = read_vectors(scene.write_lines(tmp_path / "a.dat", lines))
     scene.check(fields, 1)
     assert fields.velocity_unit is None
-
-
-def cut(path: Path) -> None:
-    path.write_text("\n".join(path.read_text().splitlines()[:-9]))
-
-
-def cut_inside_a_line(path: Path) -> None:
-    path.write_text(path.read_text()[:-9])
-
-
-def twice(path: Path) -> None:
-    path.write_text(path.read_text() + "\n".join(path.read_text().splitlines()[3:]))
-
-
-def other_type(path: Path) -> None:
-    path.write_text(path.read_text().replace(",2\n", ",7\n").replace(",1\n", ",7\n"))
-
-
-def letters(path: Path) -> None:
-    path.write_text(path.read_text().replace("24,", "24;hello,", 1))
-
-
-WRONG = {
-    "cut off": (cut, "must hold a full grid of vectors, got 54 rows"),
-    "cut inside a line": (cut_inside_a_line, "expected 5 cells as above|expected numbers"),
-    "two frames": (twice, "one vector at every point, got 63 points twice"),
-    "types": (other_type, "vector types 0, 1, 2, 3, got 7"),
-    "letters": (letters, "line 4: expected"),
-    "empty": (lambda path: path.write_text(""), "is empty"),
-    "blank": (lambda path: path.write_text("PIVlab, ASCII chart\n\n"), "no rows of numbers"),
-    "binary": (lambda path: path.write_bytes(b"PIVlab\0\0\0"), "must be text, got binary"),
-}
-
-
-@pytest.mark.parametrize(("change", "message"), WRONG.values(), ids=WRONG.keys())
-def test_wrong_input_is_refused(tmp_path: Path, change: Any, message: str) -> None:
-    path = export(tmp_path / "a.txt", newline="\n")
-    change(path)
-    with pytest.raises(DataFileError, match=message) as caught:
-        read_vectors(path)
-    assert "\n" not in str(caught.value)

@@ -132,18 +132,3 @@ def basilisk(
         cells = cells if c[place] > 0 else [outside] * len(cells)
         lines.append(scene.text(x[column], y[row]) + cells)
     return scene.write_table(path, [title], [], lines, **{"delimiter": " ", **style})
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda s: s.replace("5:u.x", "5:w"), "must have the columns u.x, got x, y, f, p, w, u.y"),
-        (lambda s: s.replace(" 6:u.y", " 6:u.y 7:q"), "line 2: expected 7 cells as above, got 6"),
-        (lambda s: s[: len(s) // 2], "expected 6 cells|full grid"),
-    ],
-)
-def test_wrong_basilisk_is_refused(tmp_path: Path, change: Any, message: str) -> None:
-    path = basilisk(tmp_path / "a.txt")
-    path.write_text(change(path.read_text()))
-    with pytest.raises(DataFileError, match=message):
-        read_vectors(path)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.commands.convert import main
 from granpinn.data import FlowFileWarning
 from granpinn.importers import DataFileError, read
 from tests.importers import scene
@@ -173,20 +172,3 @@ def test_other_formats_follow_the_same_rule() -> None:
         flow_of(arrays(), velocity_unit="m/s")
     with pytest.warns(FlowFileWarning, match="--scale 0.1 mm/px changes nothing"):
         read(arrays(), scale="0.1 mm/px", surface="none", **MATERIAL)
-
-
-def test_the_command_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    files = pivlab(tmp_path, FILM, xy=1e-4, uv=1e-4)
-    out = tmp_path / "flow.h5"
-    flags = [
-        "--grain-diameter",
-        "2 mm",
-        "--grain-density",
-        "2500 kg/m^3",
-        "--solid-fraction",
-        "0.6",
-    ]
-    given = [*map(str, files), "--out", str(out), "--frame-rate", "500 Hz", *flags]
-    assert main(given) == 2
-    assert "is stated twice: the header says 1 s" in capsys.readouterr().err
-    assert not out.exists()

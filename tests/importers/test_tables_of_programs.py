@@ -55,7 +55,6 @@ TRACKMATE = (
 
 
 DIALECTS: dict[str, tuple[str, str, dict[str, Any]]] = {
-    "semicolons": (table(separator=";", sign=","), "utf-8", {}),
     "pandas with tabs": (
         table(",y,x,ep,frame,particle", "iyxefp", "\t", ","),
         "utf-8",
@@ -96,25 +95,6 @@ def test_tables_of_all_dialects_are_one_flow(tmp_path: Path, name: str) -> None:
     expected = rows()[np.lexsort((rows()[:, 2], rows()[:, 0]))]
     np.testing.assert_allclose(flow.particles.u[found], 0.01 * expected[:, 4], rtol=1e-5)
     np.testing.assert_allclose(flow.particles.x[found], 1e-3 * expected[:, 2], rtol=1e-5)
-
-
-REFUSED = {
-    "a comma in numbers": ("frame,particle,x,y\n1,1,2,5,3,5\n", "a comma both between columns"),
-    "a short row": ("frame,particle,x,y\n1,1,2,5\n1,2,3\n", "line 3: .* it was cut off here"),
-    "no column": ("# a\nframe,particle,x,z\n1,1,2,5\n", "must have the columns y, got frame, part"),
-    "a line of text": (
-        "frame,particle,x,y\nend,of,the,run\n1,1,2,5\n",
-        "got '(end|of|the|run)' in column",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_a_refusal_names_the_cause(tmp_path: Path, name: str) -> None:
-    text, message = REFUSED[name]
-    (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(DataFileError, match=message):
-        read_vectors(tmp_path / "a.csv", "tracks")
 
 
 def test_rows_of_one_particle_and_frame(tmp_path: Path) -> None:

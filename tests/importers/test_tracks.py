@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granpinn.importers import DataFileError, read_vectors
+from granpinn.importers import DataFileError
 from granpinn.importers.tracking import velocities
 
 N_TRACKS, N_FRAMES = 40, 12
@@ -78,28 +78,3 @@ def test_wrong_tracks_are_refused() -> None:
     for window in (1, 4):
         with pytest.raises(DataFileError, match="track_window must be odd and at least 3"):
             velocities(frame, frame, frame, frame, np.arange(4.0), None, window)
-
-
-def csv_lines(path: Path, change: Any) -> Path:
-    write_csv(path, motion())
-    path.write_text(change(path.read_text()))
-    return path
-
-
-WRONG = {
-    "unlinked": (lambda s: s.replace("particle", "nothing"), "columns particle \\(or u, v\\)"),
-    "cut off": (lambda s: s[:-20], "expected 4 cells as above, got|expected numbers"),
-    "text": (lambda s: s.replace("\n", "\na,b,c,d\n", 1), "expected numbers"),
-    "header alone": (lambda s: s.split("\n")[0] + "\n", "no rows of numbers"),
-    "nothing measured": (
-        lambda s: s.split("\n")[0] + "\n,,,\n,,,\n",
-        "holds no particle with a position and a time",
-    ),
-}
-
-
-@pytest.mark.parametrize(("change", "message"), WRONG.values(), ids=WRONG.keys())
-def test_wrong_tables_are_refused(tmp_path: Path, change: Any, message: str) -> None:
-    with pytest.raises(DataFileError, match=message) as caught:
-        read_vectors(csv_lines(tmp_path / "a.csv", change), format="tracks")
-    assert "\n" not in str(caught.value)

@@ -10,10 +10,9 @@ import pytest
 
 from granpinn.data import FlowFileError, Walls, check_flow
 from granpinn.importers import DataFileError, read
-from tests.importers.test_surface import PHYSICAL, X, arrays
+from tests.importers.test_surface import X, arrays
 
 PLAIN: dict[str, Any] = {"dimensionless": True, "grain_diameter": "0.1", "surface": "none"}
-CAMERA = PHYSICAL | {"surface": "none"}
 
 
 def walls_of(path: Path, text: str, data: Any = None, settings: Any = None) -> Walls:

@@ -2,14 +2,8 @@
 
 import pytest
 
-from granpinn.data import Flow, read_flow
+from granpinn.data import Flow
 from granpinn.inspection import Inspection, inspect
-from granpinn.simulation import demo_path
-
-
-@pytest.fixture(scope="session")
-def demo() -> Flow:
-    return read_flow(demo_path())
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from PIL import Image
@@ -35,38 +34,6 @@ def test_what_it_prints_and_writes(
     for name in ("validity", "speed", "inertial_number", "noise"):
         pixels = np.asarray(Image.open(out / f"{name}.png"))
         assert len(np.unique(pixels.reshape(-1, pixels.shape[-1]), axis=0)) > 50
-
-
-@pytest.mark.parametrize("kind", ["no frame", "frames of NaN"])
-def test_flow_files_that_break_a_rule(
-    demo: Flow, tmp_path: Path, kind: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "flow.h5"
-    write_flow(demo, path)
-    with h5py.File(path, "r+") as file:
-        if kind == "no frame":
-            for name in ("t", "u", "v", "c", "p"):
-                values = file[name][:0]
-                del file[name]
-                file[name] = values
-        else:
-            file["u"][3:5] = np.nan
-            file["v"][3:5] = np.nan
-    assert main([str(path)]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("granpinn.inspect: ")
-    expected = "at least one value" if kind == "no frame" else "got only NaN in 2 of 100 frames"
-    assert expected in error
-
-
-def test_measurement_files_get_the_command_that_converts_them(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    np.savez(tmp_path / "a.npz", t=[0.0, 1.0], x=[0.0, 1.0], y=[0.0, 1.0])
-    assert main([str(tmp_path / "a.npz")]) == 2
-    error = capsys.readouterr().err
-    assert f"granpinn convert {tmp_path / 'a.npz'} --out flow.h5 --scale" in error
-    assert "of the format npz" in error
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from .devices import device_of, moved
 from .op_inputs import operands
 
 N, M = 33, 5  # of the mixed problem below; its network has P parameters
-CASE = problem(small("mixed"))
+CASE = problem(small("mixed", source=True))
 POINTS = CASE.batch
 P = len(CASE.params)
 
@@ -49,6 +49,13 @@ WRONG: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
     "eight numbers": (
         {"physics": CASE.params.new_tensor(CASE.physics[:8])}, ValueError,
         r"physics.*side_wall_speed.*8"),
+    "source of other points": (
+        {"source": POINTS.velocity[1:]}, ValueError, rf"source.*\[{N}, 2\].*\[{N - 1}, 2\]"),
+    "source of another type": (
+        {"source": POINTS.velocity.float()}, TypeError, "source must have the type and device of"),
+    "a source that learns": (
+        {"source": POINTS.velocity.clone().requires_grad_()}, ValueError,
+        "source must not require a gradient"),
     "another form": ({"form": "weak"}, ValueError, "'mixed', 'strong' or 'data', got 'weak'"),
     "five fields in the strong form": ({"form": "strong"}, ValueError, "strong.*3.*5"),
 }  # fmt: skip

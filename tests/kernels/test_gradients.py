@@ -23,8 +23,10 @@ FORMS = ("strong", "mixed")
 REGIMES = ("flowing", "low pressure", "slow")
 
 
-def tiny(form: Form, members: int | None = None, law: str = "mu_of_i") -> Problem:
-    return problem(small(form, points=5, hidden=(6, 4), members=members, law=law))
+def tiny(
+    form: Form, members: int | None = None, law: str = "mu_of_i", source: bool = False
+) -> Problem:
+    return problem(small(form, points=5, hidden=(6, 4), members=members, law=law, source=source))
 
 
 def flow(n: int, law: str = "mu_of_i") -> list[Tensor]:
@@ -67,14 +69,17 @@ def test_gradient_where_the_pressure_underflows(z: float, precision: str, ops: M
 
 
 # All laws in both forms; of an ensemble two laws, and of the data, which have no law, one.
-LOSSES = [(form, None, law) for form in FORMS for law in LAWS]
-LOSSES += [(form, 2, law) for form in FORMS for law in ("mu_of_i", "cohesive")]
-LOSSES += [("data", members, "mu_of_i") for members in (None, 2)]
+LOSSES = [(form, None, law, False) for form in FORMS for law in LAWS]
+LOSSES += [(form, 2, law, False) for form in FORMS for law in ("mu_of_i", "cohesive")]
+LOSSES += [("data", members, "mu_of_i", False) for members in (None, 2)]
+LOSSES += [(form, members, "mu_of_i", True) for form in FORMS for members in (None, 2)]
 
 
-@pytest.mark.parametrize(("form", "members", "law"), LOSSES)
-def test_gradcheck_of_the_loss(form: str, members: int | None, law: str, ops: ModuleType) -> None:
-    case = tiny("strong" if form == "strong" else "mixed", members, law)
+@pytest.mark.parametrize(("form", "members", "law", "source"), LOSSES)
+def test_gradcheck_of_the_loss(
+    form: str, members: int | None, law: str, source: bool, ops: ModuleType
+) -> None:
+    case = tiny("strong" if form == "strong" else "mixed", members, law, source)
 
     def loss(params: Tensor, theta: Tensor) -> Any:
         moved = case._replace(params=params, theta=theta)

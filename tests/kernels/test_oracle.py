@@ -40,6 +40,19 @@ def test_residuals_of_manufactured_fields(name: str, form: str, law: str) -> Non
         assert worst_relative_error(got, truth) <= 1e-12
 
 
+@pytest.mark.parametrize("form", FORMS)
+def test_a_source_of_their_residuals_leaves_none(form: str) -> None:
+    """The force of the momentum equation beside gravity; the other residuals stay."""
+    case = manufactured("waves", form)
+    points, truth = exact("waves", form, "mu_of_i", POINTS)
+    where, source = torch.from_numpy(points), torch.from_numpy(truth[:, :2].astype(float))
+    constants = (case.theta, PHYSICS, form)
+    found = reference.residuals(case.raw_network(), where, *constants, source=source).detach()
+    assert float(found[:, :2].abs().max()) <= 1e-12 * float(source.abs().max())
+    others = torch.from_numpy(truth[:, 2:].astype(float))
+    torch.testing.assert_close(found[:, 2:], others, rtol=1e-9, atol=1e-12)
+
+
 def test_jet_of_an_affine_network_by_hand() -> None:
     """Without a hidden layer the network is affine: constant slopes, no curvature."""
     params = torch.arange(12, dtype=torch.float64)  # W [3, 3] = 0..8, b = 9, 10, 11

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import ModuleType
+from typing import Any
 
 import pytest
 import torch
 
 from granpinn import reference
 
-from .configurations import Problem, configuration, problem, small
+from .configurations import SHARED, Form, Problem, configuration, problem, small
 from .manufactured import CASES, PHYSICS, exact, manufactured
 from .test_oracle import FORMS, POINTS, worst_relative_error
 
@@ -64,13 +65,25 @@ def test_loss_and_gradient_in_float64(form: str, members: int | None, ops: Modul
         assert not got["grad_theta"].any()
 
 
-def test_members_of_an_ensemble_are_independent(ops: ModuleType) -> None:
-    """An ensemble gives, bit for bit, what its members give alone."""
-    case = problem(small("mixed", members=3)).to(torch.float32)
+@pytest.mark.parametrize("changes", [{}, {"source": True}, {"source": True, "index": SHARED}])
+@pytest.mark.parametrize("form", FORMS)
+def test_members_of_an_ensemble_are_independent(
+    form: Form, changes: dict[str, Any], ops: ModuleType
+) -> None:
+    """An ensemble gives, bit for bit, what its members give alone; its points may be shared."""
+    case = problem(small(form, members=3, **changes)).to(torch.float32)
     together = ops.residual_loss(*case)
     for e in range(3):
         for one, all_ in zip(ops.residual_loss(*case.member(e)), together, strict=True):
             assert torch.equal(one, all_[e])
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_source_of_zero_has_the_bits_of_none(form: Form, ops: ModuleType) -> None:
+    case = problem(small(form, points=70, hidden=(40, 33), members=2)).to(torch.float32)
+    zero = case._replace(batch=case.batch._replace(source=torch.zeros_like(case.batch.velocity)))
+    for a, b in zip(ops.residual_loss(*zero), ops.residual_loss(*case), strict=True):
+        assert torch.equal(a, b)
 
 
 def test_first_and_second_order_jets_agree(ops: ModuleType) -> None:

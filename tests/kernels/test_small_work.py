@@ -37,11 +37,13 @@ TF32 = 2.0**-11  # unit roundoff of the backward products of the mode "fast", an
 MANY = {"mixed": 2203, "strong": 1103, "data": 8501}
 
 
-FORMS_AND_LAWS = [(form, law) for form in ("mixed", "strong") for law in LAWS]
+# Forms, laws, and members of those that have a source.
+LOSSES = [(form, law, None) for form in ("mixed", "strong") for law in LAWS]
+SOURCED = [(form, law, 2) for form in ("mixed", "strong") for law in ("mu_of_i", "power")]
 
 
 @pytest.mark.parametrize("precision", ["fp32", "fast"])
-@pytest.mark.parametrize(("form", "law"), [*FORMS_AND_LAWS, ("data", "mu_of_i")])
+@pytest.mark.parametrize(("form", "law", "sourced"), [*LOSSES, ("data", "mu_of_i", None), *SOURCED])
 @pytest.mark.parametrize(
     ("hidden", "points"),
     [((33, 40), 37), ((201, 250), 37), ((201, 250), None)],
@@ -52,13 +54,15 @@ def test_fused_loss(
     points: int | None,
     form: str,
     law: str,
+    sourced: int | None,
     precision: str,
     cuda_ops: ModuleType,
 ) -> None:
     """Float32 within `GROSS_FACTOR` of float32 autograd, or of TF32 where products are that."""
     network = "strong" if form == "strong" else "mixed"
     sizes = {"points": points or MANY[form], "surface_points": 19, "hidden": hidden}
-    case = problem(small(network, law=law, **sizes))
+    source = {"members": sourced, "source": sourced is not None}
+    case = problem(small(network, law=law, **source, **sizes))
     low, equations = case.to(torch.float32), form != "data"
     loss, _, grad_params, _ = cuda_ops.residual_loss(*low, precision=precision, equations=equations)
     exact = reference.residual_loss(*case, equations=equations)
@@ -75,17 +79,19 @@ def test_fused_loss(
 @pytest.mark.parametrize(
     ("dtype", "hidden"), [(torch.float64, (17, 8)), (torch.float32, (301,))], ids=str
 )
-@pytest.mark.parametrize(("form", "law"), FORMS_AND_LAWS)
+@pytest.mark.parametrize(("form", "law", "sourced"), [*LOSSES, *SOURCED])
 def test_layered_loss(
     form: str,
     law: str,
+    sourced: int | None,
     dtype: torch.dtype,
     hidden: tuple[int, ...],
     members: int | None,
     cuda_ops: ModuleType,
 ) -> None:
     """float64, and layers that the fused kernels do not take."""
-    case = problem(small(form, law=law, hidden=hidden, members=members))
+    source = {"source": sourced is not None, "members": members}
+    case = problem(small(form, law=law, hidden=hidden, **source))
     found = cuda_ops.residual_loss(*case.to(dtype))
     exact = reference.residual_loss(*case)
     yardstick = reference.residual_loss(*case.to(dtype))

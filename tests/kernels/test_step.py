@@ -21,6 +21,7 @@ from .step_inputs import (
     batch_arguments,
     descend_arguments,
     loss_arguments,
+    source,
     state,
     update_arguments,
 )
@@ -31,8 +32,8 @@ from .step_inputs import (
 def test_a_batch_is_what_the_indices_say(
     dtype: torch.dtype, share: int, device: torch.device
 ) -> None:
-    arguments = batch_arguments(dtype, device)
-    found = torch.ops.granpinn.draw_batch(*arguments, 13, 6, share)
+    arguments, force = batch_arguments(dtype, device), source(dtype, device)
+    *found, forces = torch.ops.granpinn.draw_batch(*arguments, 13, 6, share, force)
     data = [t.cpu() for t in arguments[4:9]]
     for e, (which, seed) in enumerate(MEMBERS):
         begin, surface_begin = (0, 0) if which == 0 else SIZES[0]
@@ -41,6 +42,7 @@ def test_a_batch_is_what_the_indices_say(
         j = surface_begin + ops.sample_indices(seed, STEP, SURFACE, 6 * (share + 1), M)[-6:]
         for drawn, tensor, at in zip(found, data, (i, i, i, j, j), strict=False):
             assert torch.equal(drawn[e].cpu(), tensor[at])
+        assert torch.equal(forces[e].cpu(), force.cpu()[i])
     weights = arguments[9].cpu() * torch.tensor([[0.5], [0.25], [2.0]], dtype=dtype).where(
         torch.arange(5) == 0, torch.ones((), dtype=dtype)
     )
@@ -49,17 +51,21 @@ def test_a_batch_is_what_the_indices_say(
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize("sizes", [(13, 6), (0, 0)], ids=str)
+@pytest.mark.parametrize(("form", "sourced"), [("mixed", False), ("mixed", True), ("data", True)])
 def test_the_loss_of_a_batch_is_that_of_what_is_drawn(
-    sizes: tuple[int, int], dtype: torch.dtype, device: torch.device
+    form: str, sourced: bool, sizes: tuple[int, int], dtype: torch.dtype, device: torch.device
 ) -> None:
     """Bit for bit, also when something has just changed the parameters."""
     arguments = batch_arguments(dtype, device)
-    params, theta, *rest = loss_arguments(len(MEMBERS), dtype, device)
+    force = (source(dtype, device),) if sourced else ()
+    params, theta, *rest, _, law, precision = loss_arguments(len(MEMBERS), dtype, device)
+    rest = [*rest, form, law, precision]
     for _ in range(5):
         params.mul_(1.01)
-        found = torch.ops.granpinn.batch_loss(*arguments, *sizes, 1, params, theta, *rest)
-        *drawn, _ = torch.ops.granpinn.draw_batch(*arguments, *sizes, 1)
-        expected = torch.ops.granpinn.residual_loss(params, theta, *drawn, *rest)
+        found = torch.ops.granpinn.batch_loss(*arguments, *sizes, 1, params, theta, *rest, *force)
+        *drawn, forces = torch.ops.granpinn.draw_batch(*arguments, *sizes, 1, *force)
+        given = (forces,) if sourced else ()
+        expected = torch.ops.granpinn.residual_loss(params, theta, *drawn, *rest, *given)
         for a, b in zip(found, expected, strict=True):
             assert torch.equal(a, b)
     assert found[0].isfinite().all()

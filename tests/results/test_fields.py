@@ -18,7 +18,6 @@ from granpinn.results import (
     read_fields,
     write_fields,
 )
-from granpinn.results import fields as module
 from granpinn.results.fields import VARIABLES
 from tests.examples import make_fields
 from tests.flows import make_flow
@@ -157,24 +156,6 @@ def test_xarray_opens_it_with_coordinates_and_units(path: Path, fields: Fields) 
         np.testing.assert_array_equal(dataset["t"], fields.t)
         frame = dataset["tau_xy"].sel(t=fields.t[1])
         np.testing.assert_array_equal(frame, fields.frame("tau_xy", 1))
-
-
-def test_a_fault_while_writing_leaves_the_old_file(
-    path: Path, fields: Fields, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before = path.read_bytes()
-    real = Fields.frame
-
-    def faulty(self: Fields, name: str, k: int) -> module.Float32:
-        if (name, k) == ("tau_xx", 1):
-            raise OSError(28, "No space left on device")
-        return real(self, name, k)
-
-    monkeypatch.setattr(Fields, "frame", faulty)
-    with pytest.raises(OSError, match="No space left on device"):
-        write_fields(fields, path)
-    assert path.read_bytes() == before
-    assert list(path.parent.iterdir()) == [path]
 
 
 # ---- files that are not right --------------------------------------------------------------------

@@ -99,25 +99,6 @@ def test_what_cannot_be_read_is_not_written(
     assert path.read_text() == "old"
 
 
-def test_a_fault_while_writing_leaves_the_old_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "results.json"
-    write_results(make_result(seed=1), path)
-
-    def torn(target: Path, content: bytes) -> int:
-        with target.open("wb") as file:
-            file.write(content[:100])
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "write_bytes", torn)
-        with pytest.raises(OSError, match="No space left on device"):
-            write_results(make_result(seed=2), path)
-    assert read_results(path).seed == 1
-    assert list(tmp_path.iterdir()) == [path]
-
-
 @pytest.mark.parametrize(
     ("value", "expected"),
     [

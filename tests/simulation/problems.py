@@ -101,6 +101,26 @@ def steady_from(s: Parameters, profile: Callable[[Array], Array]) -> dict[str, A
     return state
 
 
+def dissipation(s: Parameters, state: dict[str, Array]) -> float:
+    """The integral of 2 eta D:D on floor and sides without slip; none on open sides."""
+    u, v, eta = state["u"], state["v"], state["eta_center"]
+    normal = np.diff(u, axis=1) ** 2 + np.diff(v, axis=0) ** 2
+    column = np.arange(u.shape[1] - 1)
+    opening = (column >= s.open_from) & (column < s.open_to)
+    # Half a cell of wall beside half a cell of opening, at the ends of the opening.
+    wall = np.convolve(~opening, [0.5, 0.5], mode="same")[1:]
+    # A gradient over half a cell in half a cell of a wall: 2.
+    shear = np.diff(np.pad(u, ((1, 1), (0, 0))), axis=0) + np.diff(np.pad(v, ((0, 0), (1, 1))))
+    share = np.ones_like(shear)
+    share[0, 1:-1] = 2 * wall
+    share[-1] = 0  # open
+    for side, at in ((s.left, 0), (s.right, -1)):
+        share[:, at] *= 2 if side == Side.no_slip else 0
+    share[0, [0, -1]] = 0
+    share[-1, :] = 0
+    return float((2 * eta * normal).sum() + (state["eta_corner"] * share * shear**2).sum())
+
+
 def relative(found: Array, exact: Array) -> float:
     """The relative error of a field [ny, nx]; `exact` may be [ny, 1]."""
     return float(np.linalg.norm(found - exact) / np.linalg.norm(exact + 0 * found))

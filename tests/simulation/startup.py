@@ -1,11 +1,12 @@
 """The start of a layer on a slope in one dimension, by an independent solver: the oracle.
 
-With a velocity u(y, t) along the slope alone, the equations of the simulator are
+With a velocity u(y, t) along the slope alone, which grows with y, the equations are
 
     du/dt = g sin + d(tau)/dy,   tau = min(mu(I) p, eta_max gamma_dot),   p = g cos (H - y)
 
-for density 1, with u = 0 at the base and tau = 0 at the surface. Rows of cells, and the variable
-steps and orders of LSODA in time.
+for density 1, with u = 0 at the base and tau = 0 at the surface. Without a largest viscosity grains
+that do not shear have the stress mu_s p: they accelerate together, and the shear grows from the
+base. Rows of cells, and the variable steps and orders of LSODA in time.
 """
 
 from __future__ import annotations
@@ -46,12 +47,11 @@ class Layer:
 
     def stress(self, gamma_dot: Float64, p: Float64) -> Float64:
         inertial = self.d * gamma_dot / np.sqrt(p)
-        mu = self.mu_s + (self.mu_2 - self.mu_s) / (self.I0 / np.maximum(inertial, 1e-300) + 1)
-        tau: Float64 = np.minimum(mu * p, self.eta_max * gamma_dot)
-        return tau
+        mu: Float64 = self.mu_s + (self.mu_2 - self.mu_s) * inertial / (self.I0 + inertial)
+        return mu * p if np.isinf(self.eta_max) else np.minimum(mu * p, self.eta_max * gamma_dot)
 
 
-def velocity(layer: Layer, times: Sequence[float], rows: int) -> tuple[Float64, Float64]:
+def velocity(layer: Layer, times: Sequence[float] | Float64, rows: int) -> tuple[Float64, Float64]:
     """y [rows] and u [times, rows] at the centers of the rows, from rest at t = 0."""
     h = 1 / rows
     y, faces = h * (np.arange(rows) + 0.5), h * np.arange(rows)
@@ -59,8 +59,8 @@ def velocity(layer: Layer, times: Sequence[float], rows: int) -> tuple[Float64, 
 
     def rate(t: float, u: Float64) -> Float64:
         slope = np.diff(u, prepend=0.0) / h
-        slope[0] *= 2  # the base is half a row away
-        tau = np.sign(slope) * layer.stress(np.abs(slope), p)
+        slope[0] = (9 * u[0] - u[1]) / (3 * h)  # of the parabola through u = 0 at the base
+        tau = layer.stress(np.maximum(slope, 0), p)
         forces: Float64 = layer.tangent * layer.cosine + np.diff(tau, append=0.0) / h
         return forces
 
@@ -72,7 +72,7 @@ def velocity(layer: Layer, times: Sequence[float], rows: int) -> tuple[Float64, 
         t_eval=times,
         lband=1,
         uband=1,
-        rtol=1e-6,
+        rtol=1e-8,
         atol=1e-9,
     )
     assert found.success, found.message

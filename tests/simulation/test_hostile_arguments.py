@@ -128,53 +128,43 @@ WORDS = {
         "--t-end 1e9": "the free fall from the top of the filling",
     },
 }
-REFUSED = [(f"{scene} {w}", text) for scene, rows in WORDS.items() for w, text in rows.items()]
-
-
-@pytest.mark.parametrize(("words", "message"), REFUSED)
-def test_nonsense_is_refused_in_one_sentence(
-    words: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    refused(words.split(), message, tmp_path, capsys)
-
-
-def refused(
-    words: list[str], message: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert command.main([*words, "--out", str(folder / "flow.h5")]) == 2
-    err = capsys.readouterr().err
-    assert message in err
-    assert err.count("\n") == 1
-    assert list(folder.iterdir()) == []
+REFUSED = [
+    (f"{scene} {w}".split(), text) for scene, rows in WORDS.items() for w, text in rows.items()
+]
+FOUND_BY_ATTACKS = [
+    ({"threads": "10000"}, "threads must be in [1, 256], got 10000"),
+    ({"cells": "2147483648"}, "cells must be in [32, 16384], got 2147483648"),
+    ({"frames": "1e308"}, "frames must be"),
+    ({"mu_s": "0"}, "true_mu_s must be a positive number"),
+    ({"eta_min": "2e4"}, "eta_min must be below eta_max"),
+    ({"eta_min": "1", "eta_max": "1"}, "eta_min must be below eta_max = 1, got 1"),
+    ({"d": "3"}, "d, the grain diameter, must be smaller than the column"),
+    ({"cells": "16384", "frames": "100000"}, "must fit into memory, got"),
+    ({"box_height": "1e9"}, "at most 16384 cells high"),
+    ({"t_end": "1e9"}, "t_end must be at most"),
+    ({"length_unit": "m" * 65}, "length_unit must be the name of a unit"),
+    ({"time_unit": "s\x1b[2J"}, "time_unit must be the name of a unit"),
+    ({"wall_gap": "0"}, "wall_gap must be in [1e-12, 1e+12], got 0"),
+    ({"wall_friction": "0.1"}, "wall_friction needs the distance of the side walls"),
+    ({"wall_gap": "1", "wall_friction": "-0.1"}, "wall_friction must be in [0, 2], got -0.1"),
+    ({"gravity": "0,-1,0"}, "gravity must be two numbers"),
+    ({"gravity": "0,-1e-300"}, "gravity must be two numbers and point down"),
+    ({"gravity": "1e300,-1"}, "gravity must be in"),
+]
 
 
 @pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"threads": "10000"}, "threads must be in [1, 256], got 10000"),
-        ({"cells": "2147483648"}, "cells must be in [32, 16384], got 2147483648"),
-        ({"frames": "1e308"}, "frames must be"),
-        ({"mu_s": "0"}, "true_mu_s must be a positive number"),
-        ({"eta_min": "2e4"}, "eta_min must be below eta_max"),
-        ({"eta_min": "1", "eta_max": "1"}, "eta_min must be below eta_max = 1, got 1"),
-        ({"d": "3"}, "d, the grain diameter, must be smaller than the column"),
-        ({"cells": "16384", "frames": "100000"}, "must fit into memory, got"),
-        ({"box_height": "1e9"}, "at most 16384 cells high"),
-        ({"t_end": "1e9"}, "t_end must be at most"),
-        ({"length_unit": "m" * 65}, "length_unit must be the name of a unit"),
-        ({"time_unit": "s\x1b[2J"}, "time_unit must be the name of a unit"),
-        ({"wall_gap": "0"}, "wall_gap must be in [1e-12, 1e+12], got 0"),
-        ({"wall_friction": "0.1"}, "wall_friction needs the distance of the side walls"),
-        ({"wall_gap": "1", "wall_friction": "-0.1"}, "wall_friction must be in [0, 2], got -0.1"),
-        ({"gravity": "0,-1,0"}, "gravity must be two numbers"),
-        ({"gravity": "0,-1e-300"}, "gravity must be two numbers and point down"),
-        ({"gravity": "1e300,-1"}, "gravity must be in"),
-    ],
+    ("words", "message"),
+    [*REFUSED, *((flags(**values), message) for values, message in FOUND_BY_ATTACKS)],
 )
-def test_what_the_attack_found_is_refused_in_one_sentence(
-    values: dict[str, str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_nonsense_is_refused_in_one_sentence(
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    refused(flags(**values), message, tmp_path, capsys)
+    assert command.main([*words, "--out", str(tmp_path / "flow.h5")]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_solver_itself_refuses_what_it_cannot_count() -> None:

@@ -103,25 +103,6 @@ def test_flow_through_an_orifice_converges() -> None:
     assert abs(found[2] - found[1]) < 0.05 * found[2]
 
 
-def dissipation(s: Parameters, state: dict[str, Any]) -> float:
-    """The integral of 2 eta D:D between walls without slip; none on open sides."""
-    u, v, eta = state["u"], state["v"], state["eta_center"]
-    normal = np.diff(u, axis=1) ** 2 + np.diff(v, axis=0) ** 2
-    column = np.arange(s.cells_x)
-    opening = (column >= s.open_from) & (column < s.open_to)
-    # Half a cell of wall beside half a cell of opening, at the ends of the opening.
-    wall = np.convolve(~opening, [0.5, 0.5], mode="same")[1:]
-    # A gradient over half a cell in half a cell of a wall: 2.
-    shear = np.diff(np.pad(u, ((1, 1), (0, 0))), axis=0) + np.diff(np.pad(v, ((0, 0), (1, 1))))
-    share = np.ones_like(shear)
-    share[0, 1:-1] = 2 * wall
-    share[-1] = 0  # open
-    share[:, [0, -1]] = 2 * share[:, [0, -1]]
-    share[0, [0, -1]] = 0
-    share[-1, :] = 0
-    return float((2 * eta * normal).sum() + (state["eta_corner"] * share * shear**2).sum())
-
-
 def test_weight_of_a_slow_liquid_is_lost_to_friction() -> None:
     """Steady and without inertia: gravity g on the momentum of all faces = dissipation.
 
@@ -132,7 +113,7 @@ def test_weight_of_a_slow_liquid_is_lost_to_friction() -> None:
     v = state["v"].copy()
     v[[0, -1]] *= 0.5  # half a cell of liquid at open sides
     work = -float(v.sum()) * s.spacing**2
-    assert dissipation(s, state) == pytest.approx(work, rel=1e-4)
+    assert p.dissipation(s, state) == pytest.approx(work, rel=1e-4)
 
 
 def test_what_comes_in_through_an_opening_is_air() -> None:

@@ -9,7 +9,6 @@ from granpinn._collapse import Side
 from tests.simulation import problems as p
 
 WALL = 0.2  # k = 2 mu_w / W
-TAN, D = 0.5, 0.1
 
 
 def stopping_error(step: float) -> float:
@@ -54,32 +53,6 @@ def test_sheets_stop_at_the_distance_of_their_pressure() -> None:
     errors = [stopping_error(step) for step in (0.04, 0.02, 0.01)]
     assert errors[-1] < 0.02
     assert p.order(errors) == pytest.approx(1, abs=0.1)
-
-
-def channel_error(cells: int) -> float:
-    r"""Relative error of the velocity of a steady layer, from 0.9 of the solution.
-
-    $\mu(I) = \tan\theta - k z / 2$ at the depth z (Jop, Forterre and Pouliquen 2005).
-    """
-    s = p.incline(cells, TAN, grain_diameter=D, side_wall=WALL / 2, side_wall_speed=1e-6)
-    cosine = 1 / np.sqrt(1 + TAN**2)
-    mu_s, mu_2, I0 = s.theta
-    fine = np.linspace(0, 1, 40_001)
-    mu = TAN - WALL / 4 * (1 - fine)
-    rate = I0 * (mu - mu_s) / (mu_2 - mu) * np.sqrt(cosine * (1 - fine)) / D
-    profile = np.concatenate([[0], np.cumsum((rate[1:] + rate[:-1]) / 2) * fine[1]])
-
-    def exact(y: p.Array) -> p.Array:
-        return np.interp(y, fine, profile)
-
-    state = p.steady_from(s, lambda y: 0.9 * exact(y))
-    return p.relative(state["u"], exact(p.centers(s)[1]))
-
-
-def test_a_steady_layer_between_side_walls() -> None:
-    errors = [channel_error(n) for n in (16, 32, 64)]
-    assert errors[-1] < 3e-4
-    assert p.order(errors) == pytest.approx(2, abs=0.2)
 
 
 @pytest.mark.parametrize("fraction", [1.0, 0.5])

@@ -1,4 +1,4 @@
-"""A silo: its discharge, its energy, and its flow file.
+"""A silo: its discharge, and its flow file.
 
 The discharge through an opening of width w does not depend on the height of the filling, and goes
 with w^(3/2): no other length is left where the grains are small and the walls are far (Beverloo,
@@ -19,10 +19,7 @@ from granpinn.data import read_flow
 from granpinn.data.flow import Walls
 from granpinn.data.walls import segments_of
 from granpinn.simulation import Collapse, Engine, Silo
-from granpinn.simulation.engine import solver_parameters
 from granpinn.simulation.likeness import initial_column
-from tests.simulation.test_collapse import energies
-from tests.simulation.test_outlet import dissipation
 
 LAW = (0.4, 0.64, 0.3)
 
@@ -58,25 +55,6 @@ def test_discharge_goes_with_the_power_3_2_of_the_width() -> None:
     found = [coefficient(w, 64, height=45.0, depth=10 + w / 2) for w in widths]
     exponent = 1.5 + np.polyfit(np.log(widths), np.log(found), 1)[0]
     assert exponent == pytest.approx(1.5, abs=1 / 12 / np.log(2))
-
-
-def test_energy_is_lost_to_friction_and_to_the_jet() -> None:
-    """To 2 %, as in a collapse."""
-    scene = silo(cells=64).resolved()
-    engine, lost, jet = Engine(scene), 0.0, 0.0
-    h, (first, last) = scene.spacing, scene.opening
-    s = solver_parameters(scene)
-    start = sum(energies(engine.state(), h))
-    while engine.time < 12.0:
-        report = engine.step(0.05)
-        state = engine.state()
-        lost += report.step * dissipation(s, vars(state))
-        v = state.v[0, first:last]
-        u = state.u[0, first : last + 1]
-        square = v**2 + 0.25 * (u[1:] + u[:-1]) ** 2
-        jet += report.step * h * float((-v * 0.5 * square).sum())
-    end = sum(energies(engine.state(), h))
-    assert start - end == pytest.approx(lost + jet, rel=0.02)
 
 
 def test_flow_file_is_that_of_a_silo(tmp_path: Path) -> None:

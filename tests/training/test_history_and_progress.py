@@ -47,19 +47,6 @@ def test_rows_come_back_bit_for_bit(tmp_path: Path) -> None:
     assert "nan" not in path.read_text()
 
 
-def test_rows_after_the_offset_are_dropped(tmp_path: Path) -> None:
-    history = History(tmp_path / "history.csv", DEFAULT)
-    history.open()
-    history.append(row(1))
-    saved = history.flush()
-    history.append(row(2))
-    history.close()
-    history.open(*saved)
-    assert [r.step for r in history.rows] == [1]
-    history.close()
-    assert len((tmp_path / "history.csv").read_text().splitlines()) == 2
-
-
 def test_a_changed_row_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
     path = tmp_path / "history.csv"
     history = History(path, DEFAULT)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import pytest
 import torch
 from torch import Tensor
 
@@ -36,22 +35,6 @@ def after_a_step(law: LawVariables, grad_theta: Tensor, rate: float) -> None:
 def make(variables: Any, E: int = 1) -> LawVariables:
     settings = Rheology(variables=variables)
     return LawVariables([DEFAULT] * E, settings, [{"I0": 0.25}] * E, range(E), LIKE)
-
-
-@pytest.mark.parametrize("variables", ["log", "sigmoid"])
-def test_gradients_are_pulled_back_to_them(variables: str) -> None:
-    """The first moment after one step is (1 - beta_1) d loss / d q."""
-    law = make(variables, 2)
-    q = law.q.clone().requires_grad_()
-    weights = torch.tensor([[2.0, -3.0, 5.0], [-1.0, 0.5, 1.0]], dtype=torch.float64)
-    (weights * law.theta_of(q)).sum().backward()
-    assert q.grad is not None
-    rate = 1e-3
-    before = law.q.clone()
-    after_a_step(law, weights, rate)
-    assert not q.grad[:, 2].any()  # I0 is fixed
-    torch.testing.assert_close(law.q, before - rate * q.grad.sign())
-    torch.testing.assert_close(law.theta, law.theta_of(law.q))
 
 
 def test_every_q_is_a_friction_law() -> None:

@@ -6,15 +6,16 @@ from dataclasses import replace
 
 import pytest
 import torch
+from torch import Tensor
 
 from granpinn import reference
-from granpinn.config import Config
+from granpinn.config import Batch, Config
 from granpinn.data import Flow, training_set
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.kernels import ops
 from granpinn.training import problem
-from granpinn.training.objective import INTERIOR, SURFACE, Evaluation, draw
+from granpinn.training.objective import INTERIOR, SURFACE, Evaluation, Objective
 from granpinn.training.problem import NO_NOISE, Problem, VelocityNoise, with_wall_friction
 from granpinn.training.trainer import Trainer
 from tests.runs import make_trainer, tiny
@@ -31,17 +32,21 @@ def test_everything_is_the_reference_loss_of_the_batch(form: str, level: str, fl
     config = tiny(form=form, level=level, dtype="float64", seed=4)
     trainer = make_trainer(config, flow)
     objective, theta = trainer.objective, trainer.law_variables.theta
-    found = evaluation(trainer, 9)
+    assert_reference_loss(evaluation(trainer, 9), objective, trainer.params, theta, config.batch)
 
-    i = ops.sample_indices(4, 9, INTERIOR, config.batch.interior, len(objective.pool.points))
-    n_surface = len(objective.pool.surface_points)
-    j = ops.sample_indices(4, 9, SURFACE, config.batch.surface, n_surface)
+
+def assert_reference_loss(
+    found: Evaluation, objective: Objective, params: Tensor, theta: Tensor, batch: Batch
+) -> None:
+    """Of the first member, whose seed is 4, in step 9."""
+    n, m = objective.places[0, [1, 3]].tolist()
+    i = ops.sample_indices(4, 9, INTERIOR, batch.interior, n)
+    j = ops.sample_indices(4, 9, SURFACE, batch.surface, m)
     p = objective.members[0].problem
-    at = (trainer.params[0], theta[0], objective.pool.at(i, j), objective.term_weights[0])
+    at = (params[0], theta[0], objective.pool.at(i, j), objective.term_weights[0])
     expected = reference.residual_loss(*at, p.spec, p.physics)
-    for ours, truth in zip(
-        (found.loss, found.terms, found.grad_params, found.grad_theta), expected, strict=True
-    ):
+    own = (found.loss, found.terms, found.grad_params, found.grad_theta)
+    for ours, truth in zip(own, expected, strict=True):
         torch.testing.assert_close(ours[0], truth, rtol=1e-8, atol=1e-10)
 
 
@@ -65,17 +70,6 @@ def test_the_prefit_is_the_first_term_of_everything(flow: Flow) -> None:
     torch.testing.assert_close(alone.terms[:, 0], whole.terms[:, 0])
     torch.testing.assert_close(alone.loss, whole.loss)
     torch.testing.assert_close(alone.grad_params, whole.grad_params)
-
-
-def test_batches_are_a_function_of_seed_step_and_stream() -> None:
-    points = torch.zeros(1000, 3)
-    first = draw(1, 2, INTERIOR, 50, points)
-    assert torch.equal(first, draw(1, 2, INTERIOR, 50, points))
-    for other in ((2, 2, INTERIOR), (1, 3, INTERIOR), (1, 2, SURFACE)):
-        assert not torch.equal(first, draw(*other, 50, points))
-    assert first.min() >= 0
-    assert first.max() < 1000
-    assert draw(1, 2, SURFACE, 50, points[:0]).numel() == 0
 
 
 def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:

@@ -86,19 +86,6 @@ def test_resuming_at_ten_random_steps_changes_no_bit(
         assert resumed.wall_s > 0
 
 
-def test_a_chain_of_interruptions_changes_no_bit(flow: Flow, tmp_path: Path) -> None:
-    config = tiny()
-    whole = make_run(config, flow)
-    whole.train()
-    interrupted_at(6, make_run(config, flow, tmp_path / "run"))
-    again = dataclasses.replace(config, resume=True)
-    for step in (7, 13, 31):
-        interrupted_at(step, make_run(again, flow, tmp_path / "run"))
-    last = make_run(again, flow, tmp_path / "run")
-    last.train()
-    assert torch.equal(last.trainer.params, whole.trainer.params)
-
-
 def test_the_history_after_the_checkpoint_is_written_again(flow: Flow, tmp_path: Path) -> None:
     """A killed process leaves more history than its newest checkpoint knows."""
     folder = tmp_path / "run"

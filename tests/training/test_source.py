@@ -9,19 +9,18 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn import reference
 from granpinn.arrays import Float64
 from granpinn.config import Batch
 from granpinn.data import FlowFileError
 from granpinn.data.flow import Source
 from granpinn.data.points import source_at
 from granpinn.fit.case import Case, pose
-from granpinn.kernels import ops
-from granpinn.training.objective import INTERIOR, SURFACE, Objective
+from granpinn.training.objective import Objective
 from granpinn.training.operators import COMPILED, IN_TORCH
 from tests.data.walled import line
 from tests.flows import make_flow
 from tests.runs import tiny
+from tests.training.test_objective import assert_reference_loss
 
 CPU = torch.device("cpu")
 BATCH = Batch(interior=50, surface=7)
@@ -76,14 +75,7 @@ def test_a_batch_is_the_reference_loss_with_its_source(case: Case, operators: ob
         return SimpleNamespace(counter=torch.tensor([9, 9, 0]), table=table)
 
     found = objective.evaluate(control(2), params, theta, prefit=False)  # type: ignore[arg-type]
-    p, n, m = case.member.problem, *objective.places[0, [1, 3]].tolist()
-    i = ops.sample_indices(4, 9, INTERIOR, BATCH.interior, n)
-    j = ops.sample_indices(4, 9, SURFACE, BATCH.surface, m)
-    at = (params[0], theta[0], objective.pool.at(i, j), objective.term_weights[0])
-    expected = reference.residual_loss(*at, p.spec, p.physics)
-    own = (found.loss, found.terms, found.grad_params, found.grad_theta)
-    for ours, truth in zip(own, expected, strict=True):
-        torch.testing.assert_close(ours[0], truth, rtol=1e-8, atol=1e-10)
+    assert_reference_loss(found, objective, params, theta, BATCH)
     lone = alone.evaluate(control(1), params[1:], theta[1:], prefit=False)  # type: ignore[arg-type]
     torch.testing.assert_close(found.loss[1:], lone.loss, rtol=1e-12, atol=0)
     assert float(found.terms[0, 2]) != pytest.approx(float(lone.terms[0, 2]), rel=1e-3)

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from granpinn.config import Config
-from granpinn.data import Flow, add_noise, read_flow
+from granpinn.data import Flow, add_noise
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import STEPS, Facts
 from granpinn.physics.terms import NAMES
-from granpinn.simulation import demo_path
 from granpinn.training.problem import MOST_COLUMNS, RESOLVED, VelocityNoise, law_rate, sigmas_of
 from tests.flows import make_chute, make_flow
 
@@ -27,11 +26,6 @@ def facts(flow: Flow) -> Facts:
 def sigma(name: str, flow: Flow, **settings: object) -> float:
     config = Config(**settings)  # type: ignore[arg-type]
     return sigmas_of(config, scales_of(flow), facts(flow))[NAMES.index(name)]
-
-
-@pytest.fixture(scope="module")
-def demo() -> Flow:
-    return read_flow(demo_path())
 
 
 def test_speed_and_shear_rate_are_those_of_the_vectors() -> None:

@@ -32,6 +32,14 @@ class VelocityField:
         """(u, v) [2, n] at a time and at points [n]; 0 farther than LAYERS cells from grains."""
         return np.stack([self._sample(field, t, x, y) for field in (self.u, self.v)])
 
+    def advect(self, points: Array, t: float, span: float) -> Array:
+        """Where grains at `points` [2, n] at time t are after `span` (before, if negative).
+
+        The midpoint rule: for some pixels of motion its error is far below that of the PIV.
+        """
+        half = points + 0.5 * span * self.velocity(t, *points)
+        return np.asarray(points + span * self.velocity(t + 0.5 * span, *half))
+
     def fraction(self, t: float, x: Array, y: Array) -> Array:
         """Volume fraction of grains [n]."""
         return self._sample(self.c, t, x, y)

@@ -20,10 +20,8 @@ import numpy.typing as npt
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
-from bench.studies.experiment.particle_images import advect
-from bench.studies.experiment.velocity_field import VelocityField
+from bench.studies.experiment.velocity_field import Array, VelocityField
 
-Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
 
 FINE = 2  # points of a grain per pixel, along an axis
@@ -37,12 +35,11 @@ class Shot:
     Attributes:
         pixel: m; grain: diameter, px; rate: frames per second.
         first, frames: number of the first frame after the release (negative: before it), and count.
-        rows, columns: of the picture, px. Its lower left corner is `corner`, m.
+        rows, columns: of the picture, px. Its lower left corner is the origin of the flow.
         light: brightness of the left edge relative to the right one; background: grey level.
         blur: standard deviation, px; exposure: part of the time between frames.
         read, photon: variance of a grey level is read^2 + photon * light.
         period: m, after which the sides repeat; None: walls.
-        turn: degrees, counter-clockwise, of the flow in the picture; the camera is turned back.
     """
 
     pixel: float
@@ -53,7 +50,6 @@ class Shot:
     rows: int
     columns: int
     seed: int
-    corner: tuple[float, float] = (0.0, 0.0)
     light: float = 0.75
     background: float = 12.0
     blur: float = 0.6
@@ -61,12 +57,6 @@ class Shot:
     read: float = 2.0
     photon: float = 0.15
     period: float | None = None
-    turn: float = 0.0
-
-    def turned(self, x: Any, y: Any) -> Array:
-        """Places of the flow in the axes of the picture [2, n]."""
-        cos, sin = np.cos(np.radians(self.turn)), np.sin(np.radians(self.turn))
-        return np.stack([cos * x - sin * y, sin * x + cos * y])
 
 
 @dataclass
@@ -77,18 +67,23 @@ class Grains:
     bright: Array
     spots: Array  # [n, SPOTS, 3]: distance in radii, angle, strength
 
+    def those(self, kept: Any) -> Grains:
+        """The grains of a mask [n]."""
+        place, *others = (getattr(self, field.name) for field in dataclasses.fields(self))
+        return Grains(place[:, kept], *(values[kept] for values in others))
+
 
 def frames(field: VelocityField, shot: Shot) -> Iterator[Picture]:
     """The frames of a film, a function of the seed."""
     random = np.random.default_rng([shot.seed, 54])
     t = max(shot.first, 0) / shot.rate
-    grains = _seeded(field, t, shot, random)
+    grains = seeded(field, t, shot, random)
     for k in range(shot.first, shot.first + shot.frames):
         now = max(k / shot.rate, 0.0)
-        _move(field, grains, t, now - t, shot)
+        grains = moved(field, grains, t, now - t, shot)
         t = now
         span = shot.exposure / shot.rate / 3 if k >= 0 else 0.0
-        sides = [advect(field, grains.place, t, s * span) for s in (-1, 1)] if span else []
+        sides = [field.advect(grains.place, t, s * span) for s in (-1, 1)] if span else []
         yield exposed([grains.place, *sides], grains, shot, random)
 
 
@@ -100,19 +95,14 @@ def write(field: VelocityField, shot: Shot, folder: Path) -> Path:
     return folder / "frame_*.png"
 
 
-def _seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Generator) -> Grains:
+def seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Generator) -> Grains:
     """One grain in every square of 0.85 diameters: the picture of the inside has few gaps."""
     side = 0.85 * shot.grain * shot.pixel
     wide, high = shot.columns * shot.pixel, shot.rows * shot.pixel
-    if shot.turn:
-        wide = high = wide + high
     i, j = np.meshgrid(np.arange(-1, wide // side + 2), np.arange(-1, high // side + 2))
     corners = np.stack([i.ravel(), j.ravel()])
     place: Any = (corners + random.random(corners.shape)) * side
-    inside = (field.fraction(t, *place) > 0.5) & (place[1] > 0)
-    if shot.turn:
-        inside &= (place[0] > 0) & (place[0] < (shot.period or field.x[-1]))
-    place = place[:, inside]
+    place = place[:, (field.fraction(t, *place) > 0.5) & (place[1] > 0)]
     n = place.shape[1]
     spots = np.stack(
         [
@@ -126,19 +116,19 @@ def _seeded(field: VelocityField, t: float, shot: Shot, random: np.random.Genera
     return Grains(place, random.uniform(0, 2 * np.pi, n), radius, random.uniform(70, 170, n), spots)
 
 
-def _move(field: VelocityField, grains: Grains, t: float, span: float, shot: Shot) -> None:
-    """Moves and turns all grains; several midpoint steps of at most a pixel or so."""
-    steps = 4
-    e = shot.pixel * shot.grain
+def moved(field: VelocityField, grains: Grains, t: float, span: float, shot: Shot) -> Grains:
+    """All grains moved and turned; several midpoint steps of at most a pixel or so."""
+    steps, e, grains = 4, shot.pixel * shot.grain, dataclasses.replace(grains)
     for k in range(steps):
         now, dt = t + span * k / steps, span / steps
         x, y = grains.place
         v_x = field.velocity(now, x + e, y)[1] - field.velocity(now, x - e, y)[1]
         u_y = field.velocity(now, x, y + e)[0] - field.velocity(now, x, y - e)[0]
         grains.angle = grains.angle + dt * 0.5 * (v_x - u_y) / (2 * e)
-        grains.place = advect(field, grains.place, now, dt)
+        grains.place = field.advect(grains.place, now, dt)
         if shot.period is not None:
             grains.place[0] = np.mod(grains.place[0], shot.period)
+    return grains
 
 
 def exposed(
@@ -155,8 +145,7 @@ def _light(grains: Grains, shot: Shot) -> Array:
     """Light [rows, columns]: grains one over the other, row 0 at the top."""
     rows, columns = shot.rows * FINE, shot.columns * FINE
     picture = np.full(rows * columns, shot.background, np.float32)
-    corner = np.array(shot.corner)[:, None]
-    x, y = (shot.turned(*grains.place) - corner) / shot.pixel * FINE
+    x, y = grains.place / shot.pixel * FINE
     y = rows - y
     reach = int(np.ceil(grains.radius.max() * FINE)) + 1
     offset = np.arange(-reach, reach + 1)
@@ -169,7 +158,7 @@ def _light(grains: Grains, shot: Shot) -> Array:
         value = 1 - 0.5 * square + 0.35 * np.exp(-8 * ((a + 0.3) ** 2 + (b + 0.3) ** 2))
         for k in range(SPOTS):
             distance, phase, strength = grains.spots[part, k].T
-            phase = phase - grains.angle[part] - np.radians(shot.turn)  # rows point down
+            phase = phase - grains.angle[part]  # rows point down
             p, q = (
                 (distance * f(phase)).astype(np.float32)[:, None, None] for f in (np.cos, np.sin)
             )

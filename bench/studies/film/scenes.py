@@ -48,32 +48,11 @@ class Scene:
             out[:, k] = self.field.velocity(float(now), x[k], y[k])
         return out
 
-    def turned(self, degrees: float) -> Scene:
-        """The same flow, turned counter-clockwise in a picture with a margin on all sides.
-
-        Of a flow with periodic sides, the part of the picture that it fills from side to side.
-        """
-        shot = dataclasses.replace(self.shot, turn=degrees)
-        right, top = shot.columns * shot.pixel, shot.rows * shot.pixel
-        x, y = shot.turned(np.array([0, right, right, 0]), np.array([0, 0, top, top]))
-        edge = MARGIN * shot.pixel
-        left, right = float(x.min()) - edge, float(x.max()) + edge
-        if shot.period is not None:
-            _, left, right, _ = np.sort(x).tolist()
-        low, high = float(y.min()) - edge, float(y.max()) + edge
-        size = {"rows": int((high - low) / shot.pixel), "columns": int((right - left) / shot.pixel)}
-        shot = dataclasses.replace(shot, corner=(left, low), **size)
-        return dataclasses.replace(self, shot=shot, tilt=self.tilt + degrees)
-
 
 def named(name: str) -> Scene:
-    """A scene by its name KIND_SEED_GRAIN[_TURN], such as collapse_401_6: 6 px for a grain.
-
-    TURN: degrees by which the flow is turned in the picture.
-    """
-    kind, seed, grain, *turn = name.split("_")
-    scene = {"collapse": collapse, "chute": chute}[kind](int(seed), grain=float(grain))
-    return scene.turned(float(turn[0])) if turn else scene
+    """A scene by its name KIND_SEED_GRAIN, such as collapse_401_6: 6 px for a grain."""
+    kind, seed, grain = name.split("_")
+    return {"collapse": collapse, "chute": chute}[kind](int(seed), grain=float(grain))
 
 
 def _field(flow: Flow) -> VelocityField:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
 from random import Random
 from typing import Any
 
@@ -29,14 +28,14 @@ JSON_VALUES: tuple[Any, ...] = (
 SEPARATOR = re.compile(rb"([\s,;=()\[\]{}<>\"']+)")
 
 
-def damaged(content: bytes, draw: Random, text: bool, other: bytes) -> bytes:
+def damaged(content: bytes, draw: Random, other: bytes) -> bytes:
     """A file with one to a few places damaged.
 
     Args:
         draw: source of the random numbers.
-        text: whether tokens should be damaged too.
         other: another valid file, for splices.
     """
+    text = b"\0" not in content  # which has tokens
     for _ in range(draw.choice((1, 1, 1, 1, 2, 3, 6))):
         if content[:1] == b"{" and draw.random() < 0.7:
             content = json_value(content, draw)
@@ -131,8 +130,3 @@ def json_value(content: bytes, draw: Random) -> bytes:
         text = text.replace(draw.choice(text), draw.choice(("\\u0070", "\x00", '"')), 1)
     encoding = draw.choice(("utf-8", "utf-8", "utf-8", "utf-16", "utf-8-sig"))
     return text.encode(encoding, "replace")
-
-
-def pick(names: Sequence[str], draw: Random) -> list[str]:
-    """The files that are damaged: mostly one."""
-    return draw.sample(list(names), min(len(names), draw.choice((1, 1, 1, 2))))

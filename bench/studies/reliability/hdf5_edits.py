@@ -1,6 +1,7 @@
 """Edits that leave valid HDF5 of any layout: types, shapes, attributes, values.
 
-Those of storage, links and data of other files are the EDITS of tests/data, on flow files.
+Those of storage, links and data of other files are the ATTACKS and, on flow files, the EDITS of
+tests/data.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from tests.data.hostile_containers import ATTACKS
 from tests.data.hostile_edits import EDITS
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -67,6 +69,8 @@ def _edit(file: h5py.File, draw: Random) -> None:
     file.visititems(visit)
     if "u" in datasets and draw.random() < 0.2:
         EDITS[draw.choice(FLOW_EDITS)][0](file)
+    elif datasets and draw.random() < 0.1:
+        ATTACKS[draw.choice(sorted(ATTACKS))][0](file, draw.choice(datasets))
     elif not datasets or draw.random() < 0.45:
         _attribute(file[draw.choice(objects)].attrs, draw)
     else:

@@ -11,11 +11,12 @@ from typing import Any
 
 import granpinn
 from bench.studies.reliability.sandbox import PREPARATION, Outcome
+from tests.data.hostile_edits import OUTSIDE
 
 ALLOWED = {"ok", "refused", "could not go on", "input not made"}
 MEMORY_FACTOR = 3  # gate F-4
 LEAST_MEMORY = 48 * 2**20  # bytes: below it, modules that are imported late count more than data
-BAIT = "outside.fifo"
+BAIT = OUTSIDE  # a file beside the mutant, which no command is told to read
 READER = "granpinn.foreign.program"
 SYSTEM = (
     *("/proc/", "/sys/", "/usr/", "/lib", "/etc/", "/dev/null", "/dev/urandom", "/var/lib/"),

@@ -1,66 +1,60 @@
-"""Valid files of every format, and the command lines that read them."""
+"""Valid files of every format, and the commands that read them.
+
+Measurements are forms of tests/importers/forms.
+"""
 
 from __future__ import annotations
 
 import contextlib
-import io
-import os
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from fnmatch import fnmatch
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from bench.studies.reliability import writers
-from bench.studies.reliability.writers import NO_PRESSURE, TRAINING, Writer, frames
-from tests.importers.test_other_piv import davis, insight, openpiv
-from tests.importers.test_pivlab_text import export
-from tests.importers.test_simulation_files import basilisk
+import numpy as np
 
-CAMERA = ("--scale", "0.5 mm/px", "--frame-rate", "500 Hz")
-MATERIAL = ("--grain-diameter", "2 mm", "--grain-density", "2500 kg/m^3", "--solid-fraction", "0.6")
-LAB, FLIP = (*CAMERA, *MATERIAL), ("--flip-y", "yes")
-PLAIN = ("--dimensionless", "--grain-diameter", "0.5")
-PIXELS = ("--length-unit", "px", "--velocity-unit", "px/frame")
+from granpinn.commands import train
+from granpinn.data import Flow, write_flow
+from tests.flows import make_flow, scattered
+from tests.importers import scene
+from tests.importers.forms import FAMILIES
+from tests.importers.forms.physical import SETTINGS
+
+TRAINING = (
+    *("--steps", "2", "--network.widths", "6", "--batch.interior", "8", "--batch.surface", "4"),
+    *("--log-every", "1", "--device", "cpu"),
+)
+NO_PRESSURE = ("--simulated_pressure.frames", "0")
 PRESSURE = ("--simulated_pressure.frames", "1", "--simulated_pressure.cells", "32")
+
+SMALL = make_flow(frames=6, rows=10, columns=8)
 
 Files = dict[str, bytes]  # path in the folder of a run -> content
 
 
-@dataclass(frozen=True)
-class Format:
-    """A file format.
+class Sample(NamedTuple):
+    """The valid files of a format.
 
     Attributes:
-        write: writes the valid files to a folder.
-        commands: command -> its arguments in that folder.
-        needs: modules without which the format is left out.
-        text: whether its files are text.
-        only: of the files, those that are damaged; all if empty.
+        files: all of them.
+        commands: the commands that read them, with their arguments in the folder of the files.
+        damaged: those of the files that mutants damage.
     """
 
-    write: Writer
+    files: Files
     commands: dict[str, tuple[str, ...]]
-    needs: tuple[str, ...] = ()
-    text: bool = False
-    only: tuple[str, ...] = ()
+    damaged: list[str]
 
-    def missing(self) -> list[str]:
-        """The modules that are not installed."""
-        return [name for name in self.needs if find_spec(name) is None]
 
-    def files(self) -> Files:
-        """The valid files."""
-        with tempfile.TemporaryDirectory() as folder:
-            before = Path.cwd()
-            os.chdir(folder)
-            try:
-                printed = io.StringIO()
-                with contextlib.redirect_stderr(printed), contextlib.redirect_stdout(printed):
-                    self.write(Path(folder))
-            finally:
-                os.chdir(before)
-            return read_all(Path(folder))
+@contextlib.contextmanager
+def _folder() -> Iterator[Path]:
+    """A folder `in` of a new working directory."""
+    with tempfile.TemporaryDirectory() as made, contextlib.chdir(made):
+        place = Path("in")
+        place.mkdir()
+        yield place
 
 
 def read_all(folder: Path) -> Files:
@@ -77,64 +71,99 @@ def write_all(files: Files, folder: Path) -> None:
         path.write_bytes(content)
 
 
-def by_convert(write: Writer, words: str, *settings: str, **others: Any) -> Format:
-    """A format of a measurement that `convert` reads.
+def _sample(commands: dict[str, tuple[str, ...]], *only: str) -> Sample:
+    """The files of the working directory; `only`: patterns of those that are damaged."""
+    files = read_all(Path())
+    names = [name for name in files if any(fnmatch(name, pattern) for pattern in only)]
+    return Sample(files, commands, names)
+
+
+def _convert(paths: Any, settings: dict[str, Any]) -> dict[str, tuple[str, ...]]:
+    words = map(str, paths if isinstance(paths, list) else [paths])
+    flags = [f"--{name.replace('_', '-')}={value}" for name, value in settings.items()]
+    return {"convert": (*words, "--out", "out.h5", *flags)}
+
+
+def form(family: str, only: str = "*", **choices: Any) -> Sample:
+    """A form of a measurement, which `convert` reads.
 
     Args:
-        words: the paths on the command line.
-        settings: of the conversion.
-        others: further fields of the format.
+        family: a key of FAMILIES.
+        only: pattern of the files that are damaged.
+        choices: those of the family that are not the usual ones.
     """
-    command = (*words.split(), "--out", "out.h5", *settings)
-    return Format(write, {"convert": command}, **others)
+    with _folder() as place:
+        given = FAMILIES[family].written(place, **choices)
+        assert given is not None
+        read: Any = given.read
+        paths = read.args[0]
+        if isinstance(paths, dict):  # arrays in memory, beside a file
+            np.savez(place / "vectors.npz", **paths)
+            paths = place / "vectors.npz"
+        return _sample(_convert(paths, read.keywords), only)
 
 
-_TEXTS = "a0.txt a1.txt a2.txt"
-_OPTIONS = {
-    "inspect": ("flow.h5", "--json"),
-    "train": ("flow.h5", "--out", "run", *TRAINING, *NO_PRESSURE),
-    "train-pressure": ("flow.h5", "--out", "run", *TRAINING, *PRESSURE),
+def flow_file(content: Flow) -> Sample:
+    """A flow file."""
+    with _folder() as place:
+        write_flow(content, place / "flow.h5")
+        path = "in/flow.h5"
+        training = (path, "--out", "run", *TRAINING)
+        commands = {"inspect": (path, "--json"), "train": (*training, *NO_PRESSURE)}
+        return _sample(commands | {"train-pressure": (*training, *PRESSURE)}, "*")
+
+
+def run() -> Sample:
+    """A run folder without its page, its images and its network."""
+    with _folder() as place:
+        write_flow(SMALL, place / "flow.h5")
+        assert train.main(["in/flow.h5", "--out", "run", *TRAINING, *NO_PRESSURE]) == 0
+        gone = [*Path().rglob("*.png"), *Path().rglob("*.safetensors"), *Path().rglob("*.html")]
+        for path in [place / "flow.h5", *gone]:
+            path.unlink()
+        commands = {"report": ("run",), "report-paraview": ("run", "--paraview")}
+        return _sample(commands, "run/results.json", "run/fields.h5", "run/history.csv")
+
+
+def vc7() -> Sample:
+    """Buffers of DaVis, for which there is no form: LaVision's library writes them."""
+    import lvpyio
+
+    with _folder() as place:
+        for k in range(scene.FRAMES):
+            frame = np.zeros((scene.ROWS, scene.COLUMNS), dtype=lvpyio.vec2c)
+            frame["u"], frame["v"] = (part[k] for part in scene.velocity())
+            masked = np.ma.array(frame, mask=scene.codes()[k] == 0)
+            buffer = lvpyio.arrays_to_buffer([masked])
+            buffer[0].grid.x = buffer[0].grid.y = scene.X[1] - scene.X[0]
+            lvpyio.write_buffer(buffer, str(place / f"B{k}.vc7"))
+        return _sample(_convert(sorted(place.iterdir()), SETTINGS), "*")
+
+
+FORMATS: dict[str, Callable[[], Sample]] = {
+    "flow": lambda: flow_file(SMALL),
+    "particles": lambda: flow_file(scattered(SMALL)),
+    "run": run,
+    "pivlab": lambda: form("PIVlab text"),
+    "openpiv": lambda: form("OpenPIV text"),
+    "insight": lambda: form("Insight", "*.txt"),
+    "davis": lambda: form("DaVis text"),
+    "basilisk": lambda: form("Basilisk"),
+    "tracks": lambda: form("linked tracks"),
+    "tracks-velocities": lambda: form("tracks with velocities"),
+    "mat5": lambda: form("PIVlab MATLAB"),
+    "mat5-session": lambda: form("PIVlab MATLAB", layout="session"),
+    "mat7.3": lambda: form("PIVlab MATLAB", version="7.3"),
+    "mat7.3-session": lambda: form("PIVlab MATLAB", version="7.3", layout="session"),
+    "npz": lambda: form("arrays on a grid", holder="npz"),
+    "netcdf": lambda: form("xarray", holder="netcdf4"),
+    "vti": lambda: form("VTK"),
+    "vtk": lambda: form("VTK", kind="vtk ascii"),
+    "foam": lambda: form("OpenFOAM"),
+    "mask": lambda: form("--mask", "*.png"),
+    "surface": lambda: form("--surface", "*.csv"),
+    "walls": lambda: form("--walls", "*.csv"),
+    "times": lambda: form("--times", "*.txt"),
 }
-_REPORTS = {"report": ("run",), "report-paraview": ("run", "--paraview")}
-_OF_RUN = ("run/results.json", "run/fields.h5", "run/history.csv")
-_BASILISK = "a-0.txt a-1.txt a-2.txt"
-_TIMES = ("--times", "times.txt", "--scale", "0.5 mm/px", "--pulse-delay", "2 ms", *MATERIAL)
-FORMATS: dict[str, Format] = {
-    "flow": Format(writers.flow, _OPTIONS),
-    "particles": Format(writers.particles, _OPTIONS),
-    "run": Format(writers.run, _REPORTS, only=_OF_RUN),
-    "pivlab": by_convert(frames("a{}.txt", export), _TEXTS, *LAB, text=True),
-    "openpiv": by_convert(frames("a{}.txt", openpiv), _TEXTS, *LAB, *PIXELS, text=True),
-    "insight": by_convert(frames("a{}.vec", insight), "a0.vec a1.vec a2.vec", *LAB, text=True),
-    "davis": by_convert(
-        frames("a{}.txt", davis), _TEXTS, "--frame-rate", "9 Hz", *MATERIAL, text=True
-    ),
-    "basilisk": by_convert(
-        frames("a-{}.txt", basilisk), _BASILISK, *PLAIN, "--times", "name", text=True
-    ),
-    "tracks": by_convert(writers.tracks, "a.csv", *LAB, *PIXELS, *FLIP, text=True),
-    "mat5": by_convert(writers.mat("version_5", "all_frames"), "a.mat", *LAB),
-    "mat5-session": by_convert(writers.mat("version_5", "session"), "a.mat", *LAB),
-    "mat7.3": by_convert(writers.mat("version_73", "all_frames"), "a.mat", *LAB),
-    "mat7.3-session": by_convert(writers.mat("version_73", "session"), "a.mat", *LAB),
-    "npz": by_convert(writers.npz, "a.npz", *LAB),
-    "netcdf": by_convert(writers.netcdf, "a.nc", *LAB, *FLIP, needs=("xarray", "h5netcdf")),
-    "vti": by_convert(
-        writers.vtk, "a0.vti a1.vti", *PLAIN, needs=("pyvista",), only=("a0.vti", "a1.vti")
-    ),
-    "vtk": by_convert(
-        writers.vtk,
-        "b0.vtk b1.vtk",
-        *PLAIN,
-        needs=("pyvista",),
-        text=True,
-        only=("b0.vtk", "b1.vtk"),
-    ),
-    "foam": by_convert(writers.foam, "case", *PLAIN, needs=("pyvista",), text=True),
-    "vc7": by_convert(writers.vc7, "B0.vc7 B1.vc7 B2.vc7", *LAB, needs=("lvpyio",)),
-    "mask": by_convert(writers.mask, "a.npz", "--mask", "m*.png", *LAB, only=("m0.png", "m1.png")),
-    "surface": by_convert(
-        writers.line, "a.npz", "--surface", "line.csv", *LAB, text=True, only=("line.csv",)
-    ),
-    "times": by_convert(writers.line, "a.npz", *_TIMES, text=True, only=("times.txt",)),
-}
+if find_spec("lvpyio") is not None:
+    FORMATS["vc7"] = vc7

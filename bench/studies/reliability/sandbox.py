@@ -39,7 +39,6 @@ class Outcome:
         opened: paths that it opened, in its own words.
         started: processes and connections that it started, as the interpreter names them.
         memory: largest resident memory above that at the start, in bytes.
-        calls: what faults.c reports, a name and a path each.
     """
 
     code: int | None
@@ -49,7 +48,6 @@ class Outcome:
     opened: set[str] = field(default_factory=set)
     started: set[str] = field(default_factory=set)
     memory: int = 0
-    calls: list[tuple[str, str]] = field(default_factory=list)
 
     @property
     def broken(self) -> str | None:
@@ -93,9 +91,6 @@ def run(
             found.started.add(rest)
         elif kind == "memory":
             start = int(rest)
-        elif kind == "call":
-            name, _, path = rest.partition(" ")
-            found.calls.append((name, path))
         elif kind == "opened":
             found.opened.add(rest)
         elif line:

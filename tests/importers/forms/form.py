@@ -58,6 +58,11 @@ class Family:
     write: Callable[..., Given | None]
     axes: Mapping[str, Axis]
 
+    def written(self, folder: Path, **departures: Any) -> Given | None:
+        """Write the form with choices that depart from the usual ones."""
+        usual = {name: next(iter(axis)) for name, axis in self.axes.items()}
+        return self.write(folder, **(usual | departures))
+
     def forms(self, pairs: bool = True) -> Iterator[tuple[dict[str, Any], bool]]:
         """Choices that depart from the usual form, and whether granpinn must read the form.
 
@@ -75,12 +80,11 @@ class Family:
 
     def outcomes(self, folder: Path, pairs: bool = True) -> dict[Departures, tuple[str, bool]]:
         """The verdict on every form, and whether granpinn must read it."""
-        usual = {name: next(iter(axis)) for name, axis in self.axes.items()}
         found: dict[Departures, tuple[str, bool]] = {}
         for number, (departures, must) in enumerate(self.forms(pairs)):
             place = folder / str(number)
             place.mkdir()
-            given = self.write(place, **(usual | departures))
+            given = self.written(place, **departures)
             if given is not None:
                 found[tuple(departures.items())] = verdict(given), must
         return found

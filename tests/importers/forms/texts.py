@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ def series(folder: Path, write: Callable[..., Path], dialect: str, **options: An
 
 
 def given(files: Any, flow: Any, settings: dict[str, Any], rounding: float = TEXT) -> Given:
-    return Given(lambda: read(files, **(physical.SETTINGS | settings)), flow, rounding)
+    return Given(partial(read, files, **(physical.SETTINGS | settings)), flow, rounding)
 
 
 def pivlab(

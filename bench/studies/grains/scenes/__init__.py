@@ -26,7 +26,6 @@ SCENES: dict[str, Callable[[Material], Scene]] = {
     "channel_mean": lambda m: channel(m, GAP, duration=60),
     "chute_slow": lambda m: chute(m, SLOPES[m.friction][0], steady=False, duration=160),
     "chute_fast": lambda m: chute(m, SLOPES[m.friction][1], steady=False, duration=160),
-    "chute_slow_steady": lambda m: chute(m, SLOPES[m.friction][0], steady=True, duration=100),
     "chute_fast_steady": lambda m: chute(m, SLOPES[m.friction][1], steady=True, duration=100),
     "drum": lambda _: drum(0.02, duration=150),
     "drum_filmed": lambda _: drum(0.02, duration=150, filmed=100),

@@ -1,1 +1,0 @@
-"""The expected precision for every friction law."""
