@@ -112,7 +112,7 @@ def test_a_part_fails_alone(
         assert line in said.out + result.summary()
         assert {path.name for path in (tmp_path / "run").iterdir()} >= FILES
     assert result.parameters.mu_s.value > 0
-    assert result.loss is not None
+    assert result.residuals is not None
     assert (PRESSURE in result.checks) == (part not in (PRESSURE, FIELDS))
 
 

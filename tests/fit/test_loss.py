@@ -25,7 +25,7 @@ def test_final_loss_is_that_of_all_points_below_the_highest_vectors(flow: Flow) 
     run.train()
     found = final_terms(run.trainer, 0)
     objective = run.trainer.objective
-    params, theta = run.trainer.solution(0)
+    params, theta = run.trainer.trained(0)
     assert not torch.equal(params, run.trainer.params[0])  # the average
     problem, data = objective.members[0].problem, objective.members[0].data
     places = torch.arange(len(objective.pool.points))  # vectors, points between, strip, walls
