@@ -19,6 +19,7 @@ alarm in 1 % of all groups, as far as the error model is right.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,6 +39,7 @@ from granpinn.uncertainty.expected import too_noisy
 from granpinn.uncertainty.sensitivity import covariance
 
 DRAWS, SEED = 20_000, 0
+STARTS = (1.0, 0.5, 2.0)  # of I0, over that of the single fits
 STEPS, LONGEST = 20, 0.5  # of the fit, in the logarithms of mu_s, mu_2 - mu_s and I0
 
 
@@ -227,6 +229,24 @@ def fit(
     white = np.linalg.inv(np.linalg.cholesky(C))
     free = [law.names.index(name) for name in law.free]
     mu_s, mu_2, I0 = theta
+    # Two I0 can give a curve the same curvature.
+    starts = STARTS if "I0" in law.free else (1.0,)
+    found = [_descend(y, white, I, law, (mu_s, mu_2, factor * I0)) for factor in starts]
+    value, at, J, basis = min(found, key=itemgetter(0))
+    rng, n, freedom = np.random.default_rng(SEED), len(y), load().freedom
+    scale = np.sqrt(freedom / rng.chisquare(freedom, (DRAWS, len(points))))
+    drawn = rng.standard_normal((DRAWS, n)) * np.repeat(scale, points, axis=1)
+    drawn -= (drawn @ basis) @ basis.T
+    above = int(np.count_nonzero(np.sum(drawn**2, axis=1) >= value))
+    return LeastSquares(tuple(at.tolist()), J, value, n - len(free), (1 + above) / (1 + DRAWS))
+
+
+def _descend(
+    y: Float64, white: Float64, I: Float64, law: FrictionLaw, theta: Sequence[float]
+) -> tuple[float, Float64, Float64, Float64]:
+    """Chi-square of the law nearest to theta, the law, its errors by those of y, and a basis."""
+    free = [law.names.index(name) for name in law.free]
+    mu_s, mu_2, I0 = theta
     q = np.log([mu_s, mu_2 - mu_s, I0])
     for _ in range(STEPS):
         mu_s, rise, I0 = np.exp(q)
@@ -238,14 +258,8 @@ def fit(
         step = np.linalg.lstsq(white @ by_q[:, free], rest, rcond=None)[0]
         q[free] += np.clip(step, -LONGEST, LONGEST)
     basis, triangle = np.linalg.qr(white @ slopes[:, free])
-    value = float(np.sum((rest - basis @ (basis.T @ rest)) ** 2))
-    rng, n, freedom = np.random.default_rng(SEED), len(y), load().freedom
-    scale = np.sqrt(freedom / rng.chisquare(freedom, (DRAWS, len(points))))
-    drawn = rng.standard_normal((DRAWS, n)) * np.repeat(scale, points, axis=1)
-    drawn -= (drawn @ basis) @ basis.T
-    above = int(np.count_nonzero(np.sum(drawn**2, axis=1) >= value))
     J = np.asarray(np.linalg.solve(triangle, basis.T @ white))
-    return LeastSquares(tuple(at.tolist()), J, value, n - len(free), (1 + above) / (1 + DRAWS))
+    return float(np.sum((rest - basis @ (basis.T @ rest)) ** 2)), at, J, basis
 
 
 def _scatter(result: Result) -> Float64:
