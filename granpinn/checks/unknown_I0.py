@@ -180,4 +180,4 @@ def mixture(mean: Float64, sd: Float64, weights: Float64, logarithmic: bool = Fa
 
 
 # Behind the momentum balance, which takes the error bars from a flow that walls carry.
-CHECK = Check("unknown_I0", UnknownI0, make, seconds=1.0, flag="free_I0", quick=False)
+CHECK = Check("unknown_I0", UnknownI0, make, seconds=10.0, flag="free_I0", quick=False)
