@@ -108,10 +108,11 @@ def unknown_I0(result: Result, points: LawPoints | None = None) -> UnknownI0:
     """
     of_law, I_range = errors_of(result)
     mu_s, mu_2, I0 = result.theta
-    J = line(ends_of(I_range, I0))
+    x = ends_of(I_range, I0)
+    J = line(x)
     mu = J @ np.array([mu_s, mu_2])
     J /= mu[:, None]
-    I, y, C = np.array(I_range), np.log(mu), J @ of_law @ J.T
+    I, y, C = I0 * np.divide(x, 1 - np.array(x)), np.log(mu), J @ of_law @ J.T
     if points is not None:
         I, y, J = np.array(points.I), np.array(points.log_mu), between(points.I, I_range)
         C = J @ C @ J.T + np.array(points.covariance)

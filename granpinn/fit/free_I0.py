@@ -31,7 +31,7 @@ def law_points(run: TrainingLoop, place: int, I_range: Pair) -> LawPoints | None
         I_range: of the data, 5th and 95th percentile.
     """
     ended = run.trainer.ended(place)
-    if ended is None:
+    if ended is None or I_range[0] == I_range[1]:
         return None
     member, params, theta, step = ended
     law = DEFAULT.with_free({"I0": float(theta[DEFAULT.names.index("I0")])})

@@ -173,7 +173,7 @@ def test_devices(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("checks", "members", "kept"), [("quick", 1, 8.0), ("none", 1, 0.0), ("all", 2, 11.0)]
+    ("checks", "members", "kept"), [("quick", 1, 8.0), ("none", 1, 0.0), ("all", 2, 20.0)]
 )
 def test_a_time_limit_keeps_time_for_the_checks_that_are_made(
     checks: str, members: int, kept: float, flow: Flow, monkeypatch: pytest.MonkeyPatch
