@@ -109,9 +109,8 @@ def unknown_I0(result: Result, points: LawPoints | None = None) -> UnknownI0:
     of_law, I_range = errors_of(result)
     mu_s, mu_2, I0 = result.theta
     x = ends_of(I_range, I0)
-    J = line(x)
-    mu = J @ np.array([mu_s, mu_2])
-    J /= mu[:, None]
+    mu = line(x) @ np.array([mu_s, mu_2])
+    J = line(x) / mu[:, None]
     I, y, C = I0 * np.divide(x, 1 - np.array(x)), np.log(mu), J @ of_law @ J.T
     if points is not None:
         I, y, J = np.array(points.I), np.array(points.log_mu), between(points.I, I_range)
@@ -137,7 +136,7 @@ def of_points(I: Float64, y: Float64, C: Float64, I0: float) -> UnknownI0:
             mu = by_ends @ np.exp(ends)
             slopes = white @ (by_ends * np.exp(ends) / mu[:, None])
             ends = ends + np.linalg.lstsq(slopes, white @ (y - np.log(mu)), rcond=None)[0]
-        of_law = np.linalg.inv(np.stack([1 - x[[0, -1]], x[[0, -1]]], axis=1))
+        of_law = np.linalg.inv(line((x[0], x[-1])))
         slope_of = np.array([[1.0, 0.0], [-1 / value, 1 / value]]) @ of_law * np.exp(ends)
         law = slope_of.sum(axis=1)
         if law[0] > 0:  # grains have friction
