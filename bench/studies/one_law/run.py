@@ -37,7 +37,7 @@ from granpinn import Result, identify_many, one_law, read_flow
 from granpinn.config import Config
 from granpinn.results.decoding import encode
 
-SEED, PAIRS, TWICE = 54, 20, 8
+SEED, PAIRS, TWICE = 57, 20, 8
 LONG, NOISE, LARGE_NOISE = 100_000, 0.003, 0.05
 FRICTIONS = ("0.2", "0.4", "0.7")
 SCENES = ("collapse_2", "chute_fast", "chute_fast_steady", "drum_filmed")
