@@ -53,6 +53,8 @@ POPULATIONS = {
     "noisy_V0_41": f"{VARIED} --noisy --draw 41 --level V0",
     "noisy_members_8_22": "--truths 20 --controls 0 --varied --noisy --draw 22 --members 8",
     "noisy_512": f"{VARIED} --noisy --draw 20 --cells 512",
+    "chutes": "--truths 60 --controls 0 --chutes --draw 54",
+    "chutes_noisy": "--truths 60 --controls 0 --chutes --noisy --draw 54",
     "cells_512": f"{VARIED} --draw 10 --cells 512",
 }
 

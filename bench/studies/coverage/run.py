@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 from bench.studies import raw
 from bench.studies.cores import processes
 from bench.studies.coverage.materials import Task, draw, make_all, read
+from bench.studies.one_law.flows import chutes
 from bench.studies.records import balance_of, records_of
 from granpinn.config import Config
 from granpinn.fit import ensemble
@@ -123,6 +124,8 @@ class Options(NamedTuple):
     def tasks(self) -> list[Task]:
         """The flows."""
         own = self.own
+        if own.chutes:
+            return chutes(own.truths, own.draw, own.noisy)
         return draw(own.truths, own.controls, own.draw, own.varied, own.noisy, **self.grid)
 
 
@@ -136,6 +139,7 @@ def options(arguments: Sequence[str] | None = None) -> Options:
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--varied", action="store_true", help="I0, grains, column, sampling too")
     parser.add_argument("--noisy", action="store_true", help="the noise of every flow too")
+    parser.add_argument("--chutes", action="store_true", help="steep chutes, no collapses")
     parser.add_argument("--draw", type=int, default=0, help="seed of the materials")
     parser.add_argument("--flows", type=Path, required=True, help="folder that keeps the flows")
     parser.add_argument("--json", type=Path, required=True, help="file for the results")
@@ -149,7 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     paths = make_all(asked.tasks, own.flows)
     print(f"{len(paths)} flows in {time.monotonic() - begin:.0f} s", flush=True)
     rows = identified(asked.tasks, paths, config)
-    names = ("draw", "varied", "noisy")
+    names = ("draw", "varied", "noisy", "chutes")
     head = {name: getattr(own, name) for name in names} | {"simulation": asked.grid}
     raw.write(own.json, head | {"settings": words, "steps": config.steps, "rows": rows})
     return 0

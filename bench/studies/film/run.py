@@ -1,8 +1,8 @@
-"""Film against truth: python -m bench.studies.film.run SCENE... --out FOLDER [--steps N]
+"""Film against truth: python -m bench.studies.film.run SCENE... --out FOLDER
 
 A scene is KIND_SEED_GRAIN, such as collapse_401_6. For each, the film is rendered, measured with
-`granpinn.film`, and compared with the simulation; with --steps the law is identified twice, from
-the film and from the true vectors at the same places and times. Rows go to FOLDER/rows.csv.
+`granpinn.film`, and compared with the simulation. Rows go to FOLDER/rows.csv, the flow of the film
+to SCENE_film.h5, and the true vectors at its places and times to SCENE_true.h5; laws.py takes them.
 
 Defends: 68 % of the vectors are within one standard deviation, the surface within half a grain.
 """
@@ -10,26 +10,20 @@ Defends: 68 % of the vectors are within one standard deviation, the surface with
 from __future__ import annotations
 
 import argparse
-import csv
 import dataclasses
-import math
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy.spatial import cKDTree
 
 from bench.studies.film import render, scenes
-from bench.studies.grains.law import mu_of_i
-from granpinn.data import Flow, read_flow, write_flow
+from granpinn.data import Flow, write_flow
 from granpinn.filming import FilmSettings
 from granpinn.filming.measurement import measure
-from granpinn.identification.single import identify
-from granpinn.inspection import Inspection
-from granpinn.results import Result
 
-I_0 = 0.3  # of the simulated and of the identified law
 NEAR = 3.0  # grain diameters from the surface or a wall
 
 
@@ -109,70 +103,20 @@ def true_flow(scene: scenes.Scene, flow: Flow, release: float) -> Flow:
     return dataclasses.replace(flow, particles=exact)
 
 
-def laws(
-    scene: scenes.Scene, flow: Flow, release: float, path: Path, steps: int
-) -> dict[str, float]:
-    """Laws from the film, from true vectors at its places and times, and of the simulation.
-
-    Differences of mu(I) are relative and rms over log I between its 5 % and 95 % quantiles.
-    """
-    true = true_flow(scene, flow, release)
-    low, high = Inspection(true).inertia.quantiles(0.05, 0.95) or (math.nan, math.nan)
-    I = np.geomspace(low, high, 30)
-    row: dict[str, float] = {"I_low": low, "I_high": high}
-    curves = {}
-    for key, one in {"film": flow, "true": true, "simulation": None}.items():
-        if one is None:
-            assert scene.flow.truth is not None
-            mu_s, mu_2 = scene.flow.truth.mu_s, scene.flow.truth.mu_2
-        else:
-            file = Path(f"{path}_{key}.h5")
-            write_flow(one, file)
-            result = identify(read_flow(file), steps=steps, checks="quick")
-            mu_s, mu_2 = (float(result.parameters[n].value) for n in ("mu_s", "mu_2"))
-            row |= _held(result, scene, key)
-        row |= {f"mu_s_{key}": mu_s, f"mu_2_{key}": mu_2}
-        curves[key] = mu_of_i({"mu_s": mu_s, "mu_2": mu_2, "I0": I_0}, I)
-    for a, b in (("film", "true"), ("film", "simulation"), ("true", "simulation")):
-        row[f"{a}_to_{b}"] = float(np.sqrt(np.mean((curves[a] / curves[b] - 1) ** 2)))
-    return {name: round(value, 4) for name, value in row.items()}
-
-
-def _held(result: Result, scene: scenes.Scene, key: str) -> dict[str, float]:
-    """Whether the 90 % interval of mu_s holds, and for which share of the I that of mu(I) does."""
-    truth = scene.flow.truth
-    assert truth is not None
-    ends = result.parameters["mu_s"].interval_90
-    row = {f"mu_s_held_{key}": math.nan if ends is None else ends[0] <= truth.mu_s <= ends[1]}
-    curve = result.law.curve
-    if curve is not None and curve.low is not None and curve.high is not None:
-        law = {"mu_s": truth.mu_s, "mu_2": truth.mu_2, "I0": I_0}
-        mu = mu_of_i(law, np.array(curve.I))
-        held = (np.array(curve.low) <= mu) & (mu <= np.array(curve.high))
-        width = np.log(np.array(curve.high) / np.array(curve.low)) / 2
-        row |= {f"band_held_{key}": float(held.mean()), f"band_{key}": float(width.mean())}
-    return row
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("scenes", nargs="+")
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--steps", type=int, default=0)
     own = parser.parse_args()
     rows = []
     for name in own.scenes:
         scene, flow, row = measured(name, own.out)
+        flow = dataclasses.replace(flow, truth=scene.flow.truth)
+        write_flow(flow, own.out / f"{name}_film.h5")
+        write_flow(true_flow(scene, flow, row["release_frames"]), own.out / f"{name}_true.h5")
         print(row, flush=True)
-        if own.steps:
-            row |= laws(scene, flow, row["release_frames"], own.out / name, own.steps)
         rows.append(row)
-        print(row, flush=True)
-    names = list(dict.fromkeys(key for row in rows for key in row))
-    with (own.out / "rows.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, names)
-        writer.writeheader()
-        writer.writerows(rows)
+        pd.DataFrame(rows).to_csv(own.out / "rows.csv", index=False)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ import argparse
 import dataclasses
 import sys
 import tempfile
-from functools import partial
 from itertools import repeat
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ from bench.studies.experiment.commands import ExperimentError
 from bench.studies.grains.coarse import Fields, coarse_grain
 from bench.studies.grains.flow_file import cropped, flow_of
 from bench.studies.grains.lammps import Lammps
-from bench.studies.grains.law import SLOWEST, errors_percent, mu_of_i
+from bench.studies.grains.law import SLOWEST, mu_of_i
 from bench.studies.grains.materials import FRICTIONS, I0, Material, truth_of
 from bench.studies.grains.own_law import own_law, reference
 from bench.studies.grains.scenes import SCENES
@@ -125,10 +124,6 @@ def balance_of(flow: Flow, own: dict[str, Any]) -> dict[str, Any]:
         mean, law = found["mean"], own["law"]
         mu = own["mean"]["mu"] if law is None else float(mu_of_i(law, mean["I"]))
         found["mean_error_percent"] = 100 * (mean["mu"] / mu - 1)
-    if found["law"] is not None and own["law"] is not None:
-        found["error_percent"] = errors_percent(
-            partial(mu_of_i, found["law"]), own["law"], *own["I_range"]
-        )
     return found
 
 

@@ -6,13 +6,23 @@ same law, the collapse at small I and the chute up to I of several I0.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bench.studies.coverage.materials import MU_S, RUNOUT, SHALLOW, SLOPE, Task, between, make
+from bench.studies.coverage.materials import (
+    MU_S,
+    NOISE,
+    RUNOUT,
+    SHALLOW,
+    SLOPE,
+    Task,
+    between,
+    make,
+)
 from granpinn.simulation import Chute, Collapse
 
 I0 = (0.15, 0.5)
@@ -22,6 +32,7 @@ STEEP = (0.6, 0.85)  # I/(I + I0) of the steady flow: (tan slope - mu_s)/(mu_2 -
 DEPTH = (15.0, 30.0)  # of the layer, grain diameters
 CELLS, FRAMES, STRIDE = 512, 50, 4  # of a collapse
 LAYER_CELLS, LAYER_FRAMES = 64, 60  # of a chute
+PAIRS = 20  # of a seed
 
 
 def pair(seed: int, number: int) -> tuple[Task, Task]:
@@ -66,10 +77,20 @@ def pair(seed: int, number: int) -> tuple[Task, Task]:
     return Task(f"collapse-{name}", law, collapse), Task(f"chute-{name}", law, chute)
 
 
-def make_pairs(seed: int, count: int, folder: Path) -> list[tuple[Path, Path]]:
+def chutes(count: int, seed: int, noisy: bool) -> list[Task]:
+    """The chutes of the pairs of `seed` and the seeds after it, `PAIRS` each; `noisy`: the noise of
+    every one is drawn."""
+    generator = np.random.default_rng((seed, 3))
+    tasks = [pair(seed + n // PAIRS, n % PAIRS)[1] for n in range(count)]
+    if not noisy:
+        return tasks
+    return [dataclasses.replace(task, noise=between(generator, *NOISE)) for task in tasks]
+
+
+def make_pairs(seed: int, folder: Path) -> list[tuple[Path, Path]]:
     """Simulate the flows that the folder lacks; the paths of all."""
     folder.mkdir(parents=True, exist_ok=True)
     return [
         (make(first, folder), make(second, folder))
-        for first, second in (pair(seed, number) for number in range(count))
+        for first, second in (pair(seed, number) for number in range(PAIRS))
     ]

@@ -32,12 +32,12 @@ from typing import Any
 
 from bench.studies import raw
 from bench.studies.coverage.materials import as_measured, path_of
-from bench.studies.one_law.flows import make_pairs, pair
+from bench.studies.one_law.flows import PAIRS, make_pairs, pair
 from granpinn import Result, identify_many, one_law, read_flow
 from granpinn.config import Config
 from granpinn.results.decoding import encode
 
-SEED, PAIRS, TWICE = 57, 20, 8
+SEED, TWICE = 57, 8
 LONG, NOISE, LARGE_NOISE = 100_000, 0.003, 0.05
 FRICTIONS = ("0.2", "0.4", "0.7")
 SCENES = ("collapse_2", "chute_fast", "chute_fast_steady", "drum_filmed")
@@ -151,7 +151,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--kinds", nargs="+", default=KINDS, help="of groups; the others stay")
     own, words = parser.parse_known_args(arguments)
     if own.make:
-        make_pairs(own.seed, PAIRS, own.flows)
+        make_pairs(own.seed, own.flows)
     else:
         run(own, raw.config_of(words))
     return 0
