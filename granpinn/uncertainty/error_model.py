@@ -16,9 +16,11 @@ one correlation, and stated degrees of freedom. The features f_j are logarithms 
 - reach: the largest x;
 - contrast: mu at the upper end over mu at the lower end.
 
-The first three count where they exceed a knee k, as f = log hypot(1, value/k). One more feature is
-the outline: 1/hypot(1, noise/k) without a line of the free surface (level V0), else 0. Where noise
-prevails, it matters little where the surface is.
+The first three count where they exceed a knee k, as f = log hypot(1, value/k). Two more features
+are 0 in most flows. The outline is 1/hypot(1, noise/k) without a line of the free surface (level
+V0): where noise prevails, it matters little where the surface is. The layer is that of the noise
+again, with a smaller knee, in a flow that is the same along x: its range of x lies far from 0, and
+mu(I) shows in its acceleration alone.
 
 Real grains depart from mu(I) by a level and a tilt over the range of I, with a standard deviation
 each. They count where no solver made the data. All else follows from both ends as from two points
@@ -62,12 +64,13 @@ WORDS = {
 }
 # Below it a quantity adds nothing to the errors, at the lower and the upper end.
 KNEES: dict[str, Pair] = {"noise": (0.03, 3e-4), "misfit": (0.02, 0.02), "law": (0.02, 0.02)}
+LAYER_KNEE = 0.01  # of the noise
 USUAL = {"steps": 1.0, "reach": 0.25, "contrast": 1.3}  # where the logarithm counts as 0
 STEPS = 15_000
 # The features, and the sign of their coefficients: with which change of them errors grow.
 FEATURES = {"noise": 1, "misfit": 1, "law": 1, "steps": 1, "reach": -1, "contrast": 1}
 BETTER = (*KNEES, "steps")  # where less than tested needs no test
-COEFFICIENTS = ("constant", "outline", *FEATURES)
+COEFFICIENTS = ("constant", "outline", "layer", *FEATURES)
 NOISE_ERROR = 1.02  # mean square of noise in the data over the known one, at most
 NOISE_PART = 0.03  # velocity error of a fit, as a part of the noise
 LEAST_RANGE = 1e-6  # of x, where a flow has one I alone
@@ -87,6 +90,7 @@ class Known(NamedTuple):
         steps: of the training.
         I0: that was identified with mu_s and mu_2; None: it was given.
         outline: whether the outline of the grains is the free surface (level V0).
+        layer: whether the flow is the same along x.
         real: whether no solver made the data.
     """
 
@@ -98,6 +102,7 @@ class Known(NamedTuple):
     vectors: float = 1.0
     steps: int = STEPS
     outline: bool = False
+    layer: bool = False
     real: bool = False
     I0: float | None = None
 
@@ -156,7 +161,7 @@ class ErrorModel:
         require_names(self.upper, COEFFICIENTS, where="upper.")
         require_names(self.tested, tuple(WORDS), where="tested.")
         for b in (self.lower, self.upper):
-            for name, sign in {"outline": 1, **FEATURES}.items():
+            for name, sign in {"outline": 1, "layer": 1, **FEATURES}.items():
                 if sign * b[name] < 0:
                     raise ValueError(f"{name} must not make errors smaller, got {b[name]}")
         if not (self.freedom > 2 and abs(self.correlation) < 1 and 0 <= self.common < 1):
@@ -177,7 +182,7 @@ class ErrorModel:
         values = quantities(known)
         total = []
         for end, b in enumerate((self.lower, self.upper)):
-            log_s = b["constant"] + b["outline"] * outline(known)
+            log_s = b["constant"] + b["outline"] * outline(known) + b["layer"] * layer(known)
             for name, sign in FEATURES.items():
                 least, most = self.tested[name]
                 within = min(max(values[name], least), most)
@@ -252,6 +257,11 @@ def outline(known: Known) -> float:
     """The feature of a surface that is the outline of the grains."""
     knee, _ = KNEES["noise"]
     return known.outline / math.hypot(1.0, quantities(known)["noise"] / knee)
+
+
+def layer(known: Known) -> float:
+    """The feature of a flow that is the same along x."""
+    return known.layer * math.log(math.hypot(1.0, quantities(known)["noise"] / LAYER_KNEE))
 
 
 def beyond_noise(misfit: float, noise: float) -> float:

@@ -40,7 +40,11 @@ def expected_of(facts: Facts, level: str, of_solver: bool) -> Known | None:
         return None
     noise = math.sqrt(2) * facts.relative_noise
     return _of_range(I_range, not of_solver)._replace(
-        misfit=noise, noise=noise, vectors=facts.independent(), outline=level == "V0"
+        misfit=noise,
+        noise=noise,
+        vectors=facts.independent(),
+        outline=level == "V0",
+        layer=facts.invariant[0],
     )
 
 

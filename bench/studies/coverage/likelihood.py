@@ -18,6 +18,7 @@ from granpinn.uncertainty.error_model import (
     COEFFICIENTS,
     FEATURES,
     feature,
+    layer,
     line,
     outline,
     quantities,
@@ -74,7 +75,12 @@ def data_of(rows: Sequence[Row]) -> Data:
 def _features(row: Row, end: int) -> list[float]:
     known = row.known
     values = quantities(known)
-    return [1.0, outline(known), *(feature(name, values[name], end) for name in FEATURES)]
+    return [
+        1.0,
+        outline(known),
+        layer(known),
+        *(feature(name, values[name], end) for name in FEATURES),
+    ]
 
 
 def places_of(row: Row) -> Array:
@@ -132,6 +138,7 @@ def most_likely(data: Data) -> Array:
     C = len(COEFFICIENTS)
     ends = [
         (None, None),
+        (0, None),
         (0, None),
         *((0, None) if s > 0 else (None, 0) for s in FEATURES.values()),
     ]
