@@ -15,6 +15,8 @@ KINDS = {
     r"films": "collapses, through pictures and a PIV program",
     r".*V0": "collapses at level V0",
     r"steps_": "collapses, 1,000 to 10,000 steps",
+    r"chutes_noisy": "steep chutes with noise of 0.5 to 30 %",
+    r"chutes": "steep chutes without noise",
     r"cells_1024": "collapses on 1,024 cells",
     r"noisy|varied_0": "collapses with noise of 0.5 to 30 %",
     r"": "collapses without noise",
