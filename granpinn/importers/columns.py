@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -57,12 +57,11 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TextTable:
-    """Chosen columns [n] by what they are, such as "u", their units, and the lines above them."""
+    """Chosen columns [n] by what they are, such as "u", their units, and all columns."""
 
     columns: dict[str, Float64]
     units: dict[str, str]
     named: tuple[Column, ...] = ()
-    comment: str = ""
 
 
 def header(line: str, separator: str | None = None) -> list[Column]:
@@ -103,12 +102,11 @@ def column(text: str) -> Column:
 
 
 class TextLayout(NamedTuple):
-    """Columns of a table, number of lines before its rows, its separator; lines above the names."""
+    """Columns of a table, number of lines before its rows, and its separator."""
 
     named: list[Column]
     skip: int
     separator: str
-    comment: str = ""
 
 
 def layout_of(
@@ -135,7 +133,7 @@ def layout_of(
             named = [Column(c.name, c.unit or u) for c, u in zip(named, units, strict=False)]
     if separator != "," and len(_cells(row.rstrip(separator), separator)) == len(named) + 1:
         named = [Column(""), *named]  # a column of row names has no name
-    return TextLayout(named, skip, separator, "\n".join(lines[:place]))
+    return TextLayout(named, skip, separator)
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -235,9 +233,8 @@ def read_headed(
 ) -> TextTable:
     """The columns of a file that names them above its rows; arguments as in `read_table`."""
     text = TextFile(path)
-    named, skip, separator, comment = layout_of(text.head(HEADER_LINES), roles, required)
-    table = read_table(text, roles, named, required, skip, separator)
-    return replace(table, comment=comment)
+    named, skip, separator = layout_of(text.head(HEADER_LINES), roles, required)
+    return read_table(text, roles, named, required, skip, separator)
 
 
 def require_finite(path: Path | str, columns: Mapping[str, Float64], *, nan: bool = False) -> None:

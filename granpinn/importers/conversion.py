@@ -72,7 +72,7 @@ def convert(
     if line is not None:
         given = points.surface_of(line, frame)
     elif settings.surface not in SURFACES:
-        given = points.read_surface(Path(settings.surface), frame, si)
+        given = points.read_surface(Path(settings.surface), frame)
     if settings.walls is not None:
         wall_points = points.read_walls(Path(settings.walls), frame)
     attributes = _attributes(fields, settings) | lengths | _window(whole, settings, frame)

@@ -14,9 +14,7 @@ from granpinn.importers import (
     davis,
     insight,
     meshes,
-    netcdf,
     openpiv,
-    opyf,
     pivlab_mat,
     pivlab_text,
     tracks,
@@ -57,7 +55,6 @@ FORMATS = {
         tracks.read,
         ("window", "columns", "drop_duplicates"),
     ),
-    "opyf": Format("opyf HDF5, vectors on a grid or scattered", opyf.sniff, opyf.read),
     "pivlab": Format("PIVlab text, any header", pivlab_text.sniff, pivlab_text.read),
     "insight": Format("TSI Insight .vec", insight.sniff, insight.read),
     "davis": Format("LaVision DaVis text", davis.sniff_text, davis.read_text_export),
@@ -65,7 +62,6 @@ FORMATS = {
     "basilisk": Format("Basilisk output_field", basilisk.sniff, basilisk.read, ("names",)),
     "openpiv": Format("OpenPIV text", openpiv.sniff, openpiv.read),
     "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
-    "netcdf": Format("netCDF, as pivpy and xarray write it", netcdf.sniff, netcdf.read),
     "mesh": Format("VTK, OpenFOAM (needs pyvista)", meshes.sniff, meshes.read, ("names",)),
 }
 
@@ -92,8 +88,8 @@ def detect(path: Path) -> str:
             f"{path} is a flow file already: python -m granpinn.train {shell_word(path)}"
         )
     raise DataFileError(
-        f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, or export "
-        "the vectors as plain arrays (.npz) or a table"
+        f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, export the "
+        "vectors as plain arrays (.npz) or a table, or give them to granpinn.flow in Python"
     )
 
 

@@ -11,8 +11,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import numpy as np
-
 from granpinn.data.memory import available
 from granpinn.foreign import read_foreign
 from granpinn.importers.vectors import DataFileError
@@ -68,12 +66,6 @@ def file_bytes(path: Path) -> int:
     """Size of one regular file, which may not be empty."""
     with open_regular_file(path, MAX_BYTES) as stream:
         return os.fstat(stream.fileno()).st_size
-
-
-def hdf5_arrays(path: Path, *places: str) -> dict[str, Any]:
-    """Those arrays of numbers that are there, as float64, by their places in the file."""
-    datasets = read_file("hdf5", path, names=[*places])["datasets"]
-    return {n: d["values"].astype(np.float64) for n, d in datasets.items() if "values" in d}
 
 
 def read_file(

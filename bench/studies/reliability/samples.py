@@ -156,7 +156,6 @@ FORMATS: dict[str, Callable[[], Sample]] = {
     "mat7.3": lambda: form("PIVlab MATLAB", version="7.3"),
     "mat7.3-session": lambda: form("PIVlab MATLAB", version="7.3", layout="session"),
     "npz": lambda: form("arrays on a grid", holder="npz"),
-    "netcdf": lambda: form("xarray", holder="netcdf4"),
     "vti": lambda: form("VTK"),
     "vtk": lambda: form("VTK", kind="vtk ascii"),
     "foam": lambda: form("OpenFOAM"),
