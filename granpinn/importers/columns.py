@@ -33,7 +33,7 @@ NAMES = {
     "sigma_v": ("sigma_v", "sigma_vy"),
     "ep": ("ep",),
 }
-# Columns of one dimension; the unit of the vectors is that of the first one.
+# Columns of one dimension, which have one unit.
 GROUPS = {
     "length_unit": ("x", "y", "ep"),
     "time_unit": ("t",),
@@ -249,31 +249,25 @@ def require_finite(path: Path | str, columns: Mapping[str, Float64], *, nan: boo
             )
 
 
-def in_one_unit(
-    path: Path | str, columns: Mapping[str, Float64], stated: Mapping[str, str]
-) -> tuple[dict[str, Float64], dict[str, Any], dict[str, str]]:
-    """Columns of one dimension in one unit, that of the first of them that states one.
+def units_of(path: Path | str, stated: Mapping[str, str]) -> dict[str, Any]:
+    """length_unit, time_unit and velocity_unit of columns, None if unknown.
 
-    A column that states no unit has that of the others.
+    A column that states no unit has that of the others of its kind.
 
     Args:
         stated: units by the names of columns.
 
-    Returns:
-        The columns; length_unit, time_unit and velocity_unit, None if unknown; and the facts
-        length_units and velocity_units of columns whose units differ.
-
     Raises:
-        DataFileError: a unit cannot be converted to that of the others.
+        DataFileError: two columns of one kind are in different units.
     """
-    converted, of_vectors = dict(columns), dict[str, Any]()
-    facts = {}
+    found: dict[str, Any] = {}
     for kind, names in GROUPS.items():
-        known = [(name, stated[name]) for name in names if name in columns and stated.get(name)]
-        base = of_vectors[kind] = known[0][1] if known else None
+        known = [(name, stated[name]) for name in names if stated.get(name)]
+        found[kind] = base = known[0][1] if known else None
         for name, unit in known:
-            ratio = 1.0 if unit == base else units.ratio(unit, str(base), f"{path}: {name}")
-            if ratio != 1:
-                converted[name] = columns[name] * ratio
-                facts[f"{kind}s"] = ", ".join(f"{name} [{unit}]" for name, unit in known)
-    return converted, of_vectors, facts
+            if unit != base and units.ratio(unit, str(base), f"{path}: {name}") != 1:
+                raise DataFileError(
+                    f"{path} must have one {kind.replace('_', ' ')} in all columns, got "
+                    f"{known[0][0]} in {base} and {name} in {unit}: export both in one unit"
+                )
+    return found

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Int8, plain_array
-from granpinn.importers.columns import Column, chosen, in_one_unit
+from granpinn.importers.columns import Column, chosen, units_of
 from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.limits import require_room
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
@@ -59,7 +59,7 @@ def from_dataset(data: Any) -> VectorFields:
         unit = str(variable.attrs.get("units", "")).replace("dt", "frame")
         named.append(Column(name, unit))
     _, stated = chosen(NAME, named, {name: (name,) for name in columns if name not in _UNITLESS})
-    columns, units, differing = in_one_unit(NAME, columns, stated)
+    units = units_of(NAME, stated)
     chc = columns.pop("chc", None)
     if "t" not in columns:
         columns["t"] = np.arange(len(columns["u"]), dtype=np.float64)
@@ -70,7 +70,7 @@ def from_dataset(data: Any) -> VectorFields:
         **columns,
         **units,
         validity=_codes(chc, np.isfinite(columns["u"] + columns["v"]), "c" in columns),
-        facts=({} if "c" in columns else {"mask": GAPS}) | differing,
+        facts={} if "c" in columns else {"mask": GAPS},
     )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from granpinn.arrays import Int8
 from granpinn.foreign import installed
-from granpinn.importers.columns import Column, in_one_unit, read_table
+from granpinn.importers.columns import Column, read_table, units_of
 from granpinn.importers.limits import file_bytes, read_file
 from granpinn.importers.mesh_files import check_folder
 from granpinn.importers.tables import grid_frame, require_rows
@@ -107,15 +107,14 @@ def _frame(path: Path, frame: dict[str, Any]) -> dict[str, Any]:
             found[name] = np.where(frame[name] > 0, frame[name], np.nan)
     stated = {"v": frame["units"]["u"], **frame["units"]}
     pixels = {n: "px/frame" for n, u in stated.items() if n not in "xy" and u in ("pixel", "px")}
-    found, units, several = in_one_unit(path, found, stated | pixels)
     return {
         **found,
         "validity": codes,
         "t": _acquired(frame["acquired"]),
-        "units": units,
+        "units": units_of(path, stated | pixels),
         # Both the slope of y and the sign of v follow the frame of the scales.
         "y_down": bool(frame["y_slope"] > 0),
-        "facts": {"frame_dt": frame["frame_dt"], "smoothed": smoothed} | several,
+        "facts": {"frame_dt": frame["frame_dt"], "smoothed": smoothed},
     }
 
 

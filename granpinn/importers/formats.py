@@ -89,7 +89,7 @@ def detect(path: Path) -> str:
         )
     raise DataFileError(
         f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, export the "
-        "vectors as plain arrays (.npz) or a table, or give them to granpinn.flow in Python"
+        "vectors as plain arrays (.npz) or a table, or take them as arrays in Python"
     )
 
 

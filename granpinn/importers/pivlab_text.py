@@ -21,11 +21,10 @@ import numpy as np
 
 from granpinn.arrays import Float64, Int8
 from granpinn.importers.columns import Column, TextTable, header, read_table
-from granpinn.importers.image_pairs import IMAGES
 from granpinn.importers.numerals import whole
 from granpinn.importers.tables import codes_of, grid_frame
 from granpinn.importers.textfile import TextFile
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields
+from granpinn.importers.vectors import IMAGES, DataFileError, Validity, VectorFields
 
 _FRAME = re.compile(r"FRAME:\s*+(\d++)")
 _FACTOR = re.compile(r"conversion factor (xy|uv) \((?:px -> m|px/frame -> m/s)\):\s*+([-+.\deE]++)")

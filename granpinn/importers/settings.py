@@ -51,8 +51,7 @@ class Settings:
     )
     force: bool = setting(
         False,
-        "write the flow file although a check calls it impossible; and where a flag contradicts a "
-        "file, the flag holds",
+        "write the flow file although a check calls it impossible",
         group="files",
     )
     track_window: int = setting(

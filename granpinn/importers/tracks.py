@@ -26,11 +26,11 @@ from granpinn.importers.columns import (
     HEADER_LINES,
     NAMES,
     column,
-    in_one_unit,
     layout_of,
     read_headed,
     require,
     require_finite,
+    units_of,
 )
 from granpinn.importers.pivlab_text import FIRST_WORDS as PIVLAB
 from granpinn.importers.textfile import encoding_of
@@ -87,7 +87,7 @@ def read(
         stated = stated | {"x": "px"}
     if opyf and not stated.keys() & GROUPS["velocity_unit"]:
         stated = stated | {"u": "px/frame"}
-    found, units, facts = in_one_unit(path, found, stated)
+    units, facts = units_of(path, stated), {}
     timed = "t" in found
     units["time_unit"] = units["time_unit"] if timed else "frame"
     if "u" in found and "v" in found:
@@ -103,7 +103,7 @@ def read(
         motion = velocities(t, count, found["x"], found["y"], found["particle"], ep, window)
         known = (units["length_unit"], units["time_unit"])
         units["velocity_unit"] = None if None in known else "/".join(map(str, known))
-        facts |= {TRACK_WINDOW: str(window)}
+        facts = {TRACK_WINDOW: str(window)}
     finite = np.asarray(np.isfinite([motion.x, motion.y, t]).all(axis=0))
     if not finite.any():
         raise DataFileError(f"{path} holds no particle with a position and a time: export it again")

@@ -26,6 +26,7 @@ MAX_FACT = 200  # characters
 MAX_MESSAGE = 600
 # The fact of vectors that are differences of positions in their file: their unit is length / time.
 TRACK_WINDOW = "track_window"
+IMAGES = "images"  # the fact: numbers of the two images of a pair
 
 
 class DataFileError(BadInput):

@@ -116,15 +116,14 @@ def vc7(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     return read
 
 
-def test_vc7_converts_every_scale_by_its_own_unit(vc7: Any) -> None:
+def test_vc7_has_one_unit_of_a_kind(vc7: Any) -> None:
     sigma = Component([np.ones((2, 3))])
     sigma.scale = type("Scale", (), {"slope": 1.0, "unit": "mm/s"})
     given = {"TS:Uncertainty Vx": sigma, "TS:Uncertainty Vy": sigma}
-    one = vc7([frame(np.zeros((2, 3)))])
-    other = vc7([frame(np.zeros((2, 3)), "m", **given)])
-    np.testing.assert_allclose(other.y, 1e3 * one.y)
-    np.testing.assert_allclose(other.sigma_u, 1e-3)
-    assert (other.length_unit, other.velocity_unit) == ("mm", "m/s")
+    with pytest.raises(DataFileError, match="velocity unit in all columns, got u in m/s and sigma"):
+        vc7([frame(np.zeros((2, 3)), **given)])
+    with pytest.raises(DataFileError, match="length unit in all columns, got x in mm and y in m"):
+        vc7([frame(np.zeros((2, 3)), "m")])
 
 
 def test_vc7_takes_no_first_of_several(vc7: Any) -> None:
@@ -132,7 +131,5 @@ def test_vc7_takes_no_first_of_several(vc7: Any) -> None:
     moved.scales.x.offset = 0.5
     with pytest.raises(DataFileError, match="must have one grid and one set of units"):
         vc7([first], [moved])
-    with pytest.raises(DataFileError, match="must have one grid and one set of units"):
-        vc7([first], [frame(np.zeros((2, 3)), "m")])
     with pytest.raises(ValueError, match="a buffer holds 2 frames"):
         vc7([first, first])

@@ -135,7 +135,8 @@ FAMILIES = {
         data_set,
         {
             "holder": plain("undecoded", "Dataset"),
-            "units": plain(METERS, "pix pix pix/dt pix/dt", "mm m cm/s mm/s") | odd("m px m/s m/s"),
+            "units": plain(METERS, "pix pix pix/dt pix/dt", "mm mm mm/s mm/s")
+            | odd("mm m cm/s mm/s"),
             "time": plain("s", "", "frame") | odd("hours since 2020-01-01"),
             "up": plain(True, False),
             "store": plain("f8", "f4", "i2", "f8 _FillValue", ">f4"),

@@ -18,7 +18,7 @@ from tests.importers.test_simulation_files import basilisk
 
 METERS = "m m m/s m/s"
 PIXELS = "px px px/frame px/frame"
-MIXED = plain("m mm m/s m/s", "m m m/s mm/s")
+MIXED = odd("m mm m/s m/s", "m m m/s mm/s")
 MIXED |= odd("m px m/s m/s", "m m px/frame m/s", "mm px m/s px/s")
 SEPARATORS = {",": ",", "comma blank": ", ", ";": ";", "tab": "\t", "blank": " "}
 ENDS: dict[str, dict[str, str]] = {
