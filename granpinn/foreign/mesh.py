@@ -6,12 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pyvista
 
 from granpinn.foreign.program import Answer
-from granpinn.regular import UnsafeFileError
 
 LIBRARY = "pyvista"
 VELOCITY = ("U", "velocity", "velocity_vectors", "u.x", "u", "Velocity", "v")
@@ -20,21 +18,16 @@ VELOCITY = ("U", "velocity", "velocity_vectors", "u.x", "u", "Velocity", "v")
 def read(path: Path, answer: Answer, velocity: str | None) -> list[dict[str, Any]]:
     """For each time: `time`, `points` [n, 3], `velocity` [n, 2 or 3], and `scalars` [n] by name;
     `names` of all data if there is no velocity, or of all velocities if there are several."""
-    if path.is_file() and h5py.is_hdf5(path):
-        raise UnsafeFileError("it is HDF5, which may name other files: save it as .vti or .vtu")
     names = [velocity] if velocity else VELOCITY
     return [_frame(t, mesh, names, answer) for t, mesh in _meshes(path)]
 
 
 def _meshes(path: Path) -> Iterator[tuple[float | None, Any]]:
     """Pairs of time (or None) and mesh."""
-    if path.is_dir() or path.suffix.lower() in (".foam", ".pvd"):
-        if path.is_dir():
-            decomposed = any(path.glob("processor*")) and not (path / "constant/polyMesh").exists()
-            kind = pyvista.POpenFOAMReader if decomposed else pyvista.OpenFOAMReader
-            reader = kind(str(path / "system" / "controlDict"))
-        else:
-            reader = pyvista.get_reader(str(path))  # type: ignore[no-untyped-call]
+    if path.is_dir():
+        decomposed = any(path.glob("processor*")) and not (path / "constant/polyMesh").exists()
+        kind = pyvista.POpenFOAMReader if decomposed else pyvista.OpenFOAMReader
+        reader = kind(str(path / "system" / "controlDict"))
         for t in reader.time_values:
             reader.set_active_time_value(t)
             yield float(t), reader.read()

@@ -76,7 +76,7 @@ def detect(path: Path) -> str:
                 head = head.decode(encoding, "ignore").encode()
         except UnsafeFileError as error:
             raise DataFileError(f"{path}: {error}") from None
-        if not head and path.suffix.lower() != ".foam":
+        if not head:
             raise DataFileError(f"{path} is empty, expected vectors: export it again")
     for name, found in FORMATS.items():
         if found.sniff(path, head):

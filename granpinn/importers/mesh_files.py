@@ -14,14 +14,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from granpinn.importers.limits import file_bytes
-from granpinn.regular import UnsafeFileError, read_regular_file, too_large
+from granpinn.regular import UnsafeFileError, too_large
 
 MAX_BYTES = 2**32
 MAX_FILES = 100_000
-_MAX_INDEX_BYTES = 2**26  # of a file that names others
-_MAX_NAMED_DEPTH = 4
-_INDEXES = (".pvd", ".pvtu", ".pvti", ".pvtr", ".pvts", ".pvtp", ".vtm", ".vtmb")
-_NAMED = re.compile(r"""\b(?:file|Source|fileName)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+SUFFIXES = (".vtk", ".vti", ".vtr", ".vts", ".vtu", ".vtp")  # of meshes that name no other files
 _INCLUDE = re.compile(rb"#\s*(?:include|includeIfPresent|sinclude)\s*\"?([^\"\s;]*)")
 _PIECE = 2**20
 _OVERLAP = 4096
@@ -31,15 +28,16 @@ def check_files(path: Path) -> int:
     """Size of all files that a mesh or case consists of.
 
     Raises:
-        UnsafeFileError: a file is a device, a FIFO or too large, or lies elsewhere.
+        UnsafeFileError: a file is a device, a FIFO or too large, lies elsewhere, or may name
+            others.
     """
     if path.is_dir():
         return _check_case(path)
-    suffix = path.suffix.lower()
-    if suffix == ".foam":
-        return _check_case(path.absolute().parent)
-    if suffix in _INDEXES:
-        return _check_index(path, path.absolute().parent.resolve(), 0)
+    if path.suffix.lower() not in SUFFIXES:
+        raise UnsafeFileError(
+            f"a mesh must be a file named {', '.join(SUFFIXES)}, as others may name files "
+            "elsewhere: give the files of its frames, and their --times"
+        )
     return file_bytes(path)
 
 
@@ -104,32 +102,3 @@ def _included(path: Path) -> Iterator[str]:
                 before = piece[-_OVERLAP:]
     except (OSError, EOFError, zlib.error):
         raise UnsafeFileError(f"{path} cannot be read, it is damaged: copy it again") from None
-
-
-def _check_index(path: Path, root: Path, depth: int) -> int:
-    """A file of XML that names other files, which may name others."""
-    content = read_regular_file(path, _MAX_INDEX_BYTES)
-    try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError:
-        text = "\0"
-    if "\0" in text or "<!DOCTYPE" in text or "<!ENTITY" in text or "&#" in text:
-        raise UnsafeFileError(
-            f"{path} must be plain XML in UTF-8 without entities, got other content: export it "
-            "again"
-        )
-    total = len(content)
-    named = {match[1] or match[2] or "" for match in _NAMED.finditer(text)} - {""}
-    if len(named) > MAX_FILES or depth > _MAX_NAMED_DEPTH:
-        raise UnsafeFileError(f"{path} must name at most {MAX_FILES} files: choose fewer frames")
-    for name in sorted(named):
-        other = path.parent / name
-        if Path(name).is_absolute() or not _is_inside(other, root):
-            raise UnsafeFileError(
-                f"{path} must name files of its folder only, got {name[:80]!r}: copy them there"
-            )
-        deeper = other.suffix.lower() in _INDEXES
-        total += _check_index(other, root, depth + 1) if deeper else check_files(other)
-        if total > MAX_BYTES:
-            raise too_large(total, MAX_BYTES)
-    return total

@@ -1,9 +1,9 @@
-"""VTK files (.vtk, .vti, .vtr, .vts, .vtu, .vtp, .pvd) and OpenFOAM, through pyvista.
+"""VTK files (.vtk, .vti, .vtr, .vts, .vtu, .vtp) and OpenFOAM, through pyvista.
 
 Cells that form a full grid become a grid. Others, such as a quadtree, become scattered vectors at
 the cell centers. The velocity is a vector (U, velocity, velocity_vectors, u.x), the volume fraction
 and the pressure scalars; --fields names others. Only flat meshes: one layer of cells in z, or one
-plane of points. Times come from the case, the .pvd or the field data TimeValue.
+plane of points. Times come from the case or the field data TimeValue.
 """
 
 from __future__ import annotations
@@ -24,18 +24,13 @@ from granpinn.importers.vectors import DataFileError, Validity, VectorFields, ve
 FRACTION = re.compile(r"alpha\..*|f|c|phi|volume_fraction|VOF", re.IGNORECASE)
 PRESSURE = re.compile(r"p|pressure")
 _XML = (b"<?xml", b"<VTKFile")
-_SUFFIXES = (".vtk", ".vti", ".vtr", ".vts", ".vtu", ".vtp", ".pvd", ".pvtu", ".foam")
-_PIVLAB = re.compile(r"\[(px|m)/(frame|s)\]")
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """VTK by content, OpenFOAM by its folder or an empty .foam file in it."""
+    """VTK by content, OpenFOAM by its folder."""
     if path.is_dir():
         return (path / "system" / "controlDict").is_file()
-    if path.suffix.lower() == ".foam":
-        return True
-    vtk = head.startswith(b"# vtk DataFile") or (head.startswith(_XML) and b"<VTKFile" in head)
-    return vtk and path.suffix.lower() in _SUFFIXES
+    return head.startswith(b"# vtk DataFile") or (head.startswith(_XML) and b"<VTKFile" in head)
 
 
 def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
@@ -59,18 +54,9 @@ def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
         raise DataFileError(f"{path} must hold the same fields at all times: write it again")
     gridded = [_gridded(path, columns) for _, columns in frames]
     others: dict[str, Any] = {"time_unit": "s" if timed else "frame", "y_down": False}
-    if path.suffix.lower() == ".vtk" and (found := _PIVLAB.search(_title(path))):
-        others |= {"length_unit": found[1], "velocity_unit": found[0].strip("[]"), "y_down": None}
     if any(grid is None for grid in gridded):
         return _scattered(times, [columns for _, columns in frames], others)
     return _stacked(path, times, gridded, others)
-
-
-def _title(path: Path) -> str:
-    """The second line of an old VTK file."""
-    with path.open("rb") as stream:
-        stream.readline()
-        return stream.readline(300).decode("utf-8", "replace")
 
 
 def _frame(path: Path, frame: dict[str, Any], names: dict[str, str]) -> dict[str, Any]:

@@ -66,8 +66,9 @@ def test_files_of_opyf_become_a_flow(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "Run_02_depths.hdf5", "w") as file:
         file["coordinates/time"], file["coordinates/x"] = t, wider
         file["variables/depth"] = depth
+    (tmp_path / "convert.py").write_text(text)
     with contextlib.chdir(tmp_path), pytest.warns(FlowFileWarning, match="1 of 4 frames hold no"):
-        exec(compile(text, "opyf-experiment.md", "exec"), {})
+        runpy.run_path("convert.py")
     flow = read_flow(tmp_path / "run02.h5")
     np.testing.assert_allclose(flow.t, [0.01, 0.02, 0.03])
     np.testing.assert_array_equal(np.isfinite(flow.u)[:, ::-1], there[13:])

@@ -31,7 +31,6 @@ def vtk(
         return None
     fraction = whole > 0
     options: dict[str, Any] = {"kind": suffix, "at": at, "whole": whole if fraction else None}
-    entries = []
     for k, t in enumerate(physical.T):
         made = mesh(k, view(units, up), **options)
         if store == "f4" and hasattr(made, "points") and suffix in ("vtu", "vtk", "vtp", "vts"):
@@ -41,19 +40,10 @@ def vtk(
             data[name] = data[name].astype(store)
         if time == "TimeValue":
             made.field_data["TimeValue"] = [t]
-        name = f"a-{t:.3f}.{suffix}"
-        made.save(folder / name, binary=not ascii_text)
-        entries.append(f'<DataSet timestep="{t}" part="0" file="{name}"/>')
+        made.save(folder / f"a-{t:.3f}.{suffix}", binary=not ascii_text)
     flow = physical.flow(gaps=not fraction, fraction=fraction)
-    # VTK writes ten digits, and joins the meshes of a .pvd in float32.
-    digits = TEXT if ascii_text else FLOAT32 if time == "pvd" else 0.0
-    rounding = max(ROUNDINGS[store], digits)
-    settings = settings_of(units, up, time)
-    if time != "pvd":
-        return given(folder, flow, settings, rounding)
-    head = '<?xml version="1.0"?><VTKFile type="Collection" version="0.1"><Collection>'
-    (folder / "all.pvd").write_text(f"{head}{''.join(entries)}</Collection></VTKFile>")
-    return given(folder / "all.pvd", flow, settings, rounding)
+    rounding = max(ROUNDINGS[store], TEXT if ascii_text else 0.0)  # VTK writes ten digits
+    return given(folder, flow, settings_of(units, up, time), rounding)
 
 
 def foam(folder: Path, units: str, up: bool, whole: float) -> Given:
@@ -83,7 +73,7 @@ FAMILIES = {
             "units": UNITS,
             "up": plain(True, False),
             "store": plain("f8", "f4"),
-            "time": plain("TimeValue", "name", "pvd"),
+            "time": plain("TimeValue", "name"),
             "whole": plain(0.0, 1.0) | odd(100.0, 255.0),
         },
     ),
