@@ -15,7 +15,7 @@ from granpinn.data.flow import STEADY, WALL_GAP, WINDOW, Flow, FlowFileWarning
 from granpinn.data.scaling import scales_of
 from granpinn.importers import points
 from granpinn.importers.building import grid_flow, scattered_flow
-from granpinn.importers.frame import Frame, frame_of, missing_units, upwards
+from granpinn.importers.frame import Frame, frame_of, missing_units
 from granpinn.importers.gaps import GAPS
 from granpinn.importers.grains import with_mask
 from granpinn.importers.limits import require_room
@@ -61,8 +61,6 @@ def convert(
     constants, lengths = material_of(settings)
     if settings.mask is not None:
         fields = with_mask(fields, settings.mask, settings.length_unit or fields.length_unit)
-    if said := upwards(fields, settings)[1]:
-        tell(said)
     frame = frame_of(fields, settings)
     require_agreement(whole, settings, frame)
     si = frame.apply(fields)

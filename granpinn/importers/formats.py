@@ -55,10 +55,10 @@ FORMATS = {
         tracks.read,
         ("window", "columns", "drop_duplicates"),
     ),
-    "pivlab": Format("PIVlab text, any header", pivlab_text.sniff, pivlab_text.read),
+    "pivlab": Format("PIVlab text with column names", pivlab_text.sniff, pivlab_text.read),
     "insight": Format("TSI Insight .vec", insight.sniff, insight.read),
     "davis": Format("LaVision DaVis text", davis.sniff_text, davis.read_text_export),
-    "vc7": Format("LaVision DaVis .vc7, .set (needs lvpyio)", davis.sniff_vc7, davis.read_vc7),
+    "vc7": Format("LaVision DaVis .vc7 (needs lvpyio)", davis.sniff_vc7, davis.read_vc7),
     "basilisk": Format("Basilisk output_field", basilisk.sniff, basilisk.read, ("names",)),
     "openpiv": Format("OpenPIV text", openpiv.sniff, openpiv.read),
     "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
@@ -81,8 +81,6 @@ def detect(path: Path) -> str:
     for name, found in FORMATS.items():
         if found.sniff(path, head):
             return name
-    if _headerless_pivlab(head):
-        return "pivlab"
     if is_flow_file(path):
         raise DataFileError(
             f"{path} is a flow file already: python -m granpinn.train {shell_word(path)}"
@@ -91,16 +89,6 @@ def detect(path: Path) -> str:
         f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, export the "
         "vectors as plain arrays (.npz) or a table, or take them as arrays in Python"
     )
-
-
-def _headerless_pivlab(head: bytes) -> bool:
-    """PIVlab's text without any header: four numbers or more a row, y running first."""
-    lines = head.decode("utf-8", "replace").lstrip("\ufeff").replace(",", " ").splitlines()
-    try:
-        first, second = ([float(cell) for cell in line.split()] for line in lines[:2])
-    except ValueError:
-        return False
-    return len(first) == len(second) >= 4 and first[0] == second[0] and first[1] != second[1]
 
 
 def read_file(path: Path, name: str, options: dict[str, Any]) -> VectorFields:

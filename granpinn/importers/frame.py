@@ -9,8 +9,6 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from granpinn.arrays import Float64
 from granpinn.config.fields import flag_of
 from granpinn.importers import units
@@ -21,7 +19,6 @@ from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, VectorFields
 
 # The fact: settings that pairs of images need which are not consecutive, by their names.
 PAIRS = "pairs_need"
-FALLING = 0.1  # mean velocity along y over the rms speed, of grains that fall
 HALF = 0.5  # a field between two images is half way between them
 
 
@@ -150,28 +147,10 @@ def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
     return missing
 
 
-def upwards(fields: VectorFields, settings: Settings) -> tuple[int, str | None]:
-    """-1 where y and v of the files point down, else 1; and a sentence where the grains show it.
-
-    Vectors in pixels have the axes of an image. Tracks in a unit of length have those of the
-    user, and there gravity decides: on the average grains fall.
-    """
-    length = settings.length_unit or fields.length_unit
-    if settings.flip_y != "auto":
-        return (-1 if settings.flip_y == "yes" else 1), None
-    image = units.has(fields.length_unit, "px") and fields.y_down is not None
-    own_axes = fields.scattered and not units.has(length, "px") and not settings.dimensionless
-    if not own_axes or (fields.y_down is not None and not image):
-        return (-1 if fields.y_down else 1), None
-    u, v = fields.u[fields.usable], fields.v[fields.usable]
-    speed = float(np.sqrt(np.mean(u * u + v * v))) if u.size else 0.0
-    mean = float(np.mean(v)) if v.size else 0.0
-    if abs(mean) > FALLING * speed:
-        up, why = (-1 if mean > 0 else 1), "as the grains fall on the average"
-    else:
-        up, why = 1, "as in a drawing, because the grains do not fall on the average"
-    where = "down in the files and is turned around" if up < 0 else "up in the files"
-    return up, f"y points {where}, {why}; if that is wrong, give --flip-y"
+def _up(fields: VectorFields, settings: Settings) -> int:
+    """-1 where y and v of the files point down, else 1."""
+    down = fields.y_down if settings.flip_y == "auto" else settings.flip_y == "yes"
+    return -1 if down else 1
 
 
 def frame_of(fields: VectorFields, settings: Settings) -> Frame:
@@ -180,7 +159,7 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
     Raises:
         DataFileError: a unit is wrong.
     """
-    up, _ = upwards(fields, settings)
+    up = _up(fields, settings)
     counted = _counted(fields, settings)
     pixel = interval = delay = None
     g: float | None = 1.0

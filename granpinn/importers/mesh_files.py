@@ -1,4 +1,4 @@
-"""The files of a mesh, an OpenFOAM case or a DaVis set, checked before a library opens them.
+"""The files of a mesh or an OpenFOAM case, checked before a library opens them.
 
 They must be regular files below the folder that the user named, of a bounded size.
 """
@@ -41,16 +41,6 @@ def check_files(path: Path) -> int:
     return file_bytes(path)
 
 
-def check_folder(folder: Path) -> int:
-    """Size of all files of a folder and the folders in it; links may not lead out of it."""
-    total = 0
-    for count, path in enumerate(_walk(folder)):
-        total += path.stat().st_size
-        if count > MAX_FILES or total > MAX_BYTES:
-            raise too_large(total, MAX_BYTES, "choose fewer frames or files")
-    return total
-
-
 def _walk(folder: Path) -> Iterator[Path]:
     root = folder.resolve()
     for place, folders, files in os.walk(folder):
@@ -75,8 +65,11 @@ def _is_inside(path: Path, root: Path) -> bool:
 
 def _check_case(case: Path) -> int:
     """An OpenFOAM case: its dictionaries may include files of the case only."""
-    total = check_folder(case)
-    for path in _walk(case):
+    total = 0
+    for count, path in enumerate(_walk(case)):
+        total += path.stat().st_size
+        if count > MAX_FILES or total > MAX_BYTES:
+            raise too_large(total, MAX_BYTES, "choose fewer frames or files")
         for name in _included(path):
             if name.startswith(("/", "~", "$", "<")) or ".." in Path(name).parts:
                 raise UnsafeFileError(

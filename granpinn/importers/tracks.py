@@ -9,7 +9,7 @@ Columns by name, in any order, units in brackets if at all, such as `x [mm]`:
 - ep: trackpy's uncertainty of the position.
 
 trackpy counts in pixels and frames, with y down, and so does opyf (N, X, Y, Ux, Uy), with one file
-for every frame.
+for every frame. In TrackMate's tables y is down in any unit.
 """
 
 from __future__ import annotations
@@ -82,6 +82,7 @@ def read(
     missing += [] if "particle" in found or {"u", "v"} <= found.keys() else ["particle (or u, v)"]
     require(path, table.named, missing)
     image = opyf or len(_TRACKPY & names) >= 2
+    down = image or "position_x" in names
     require_finite(path, found, nan=True)
     if image and not stated.keys() & GROUPS["length_unit"]:
         stated = stated | {"x": "px"}
@@ -119,7 +120,7 @@ def read(
         **{name: part[order] for name, part in parts.items() if part is not None},
         validity=np.where(measured, Validity.VALID, Validity.INVALID)[order],
         **units,
-        y_down=True if image else None,
+        y_down=True if down else None,
         facts=facts,
     )
 

@@ -68,7 +68,7 @@ WRONG: dict[str, tuple[Callable[[Path], Path], Callable[[str], str], str]] = {
         "line 4: expected",
     ),
     "empty": (pivlab, lambda s: "", "is empty"),
-    "blank": (pivlab, lambda s: "PIVlab, ASCII chart\n\n", "no rows of numbers"),
+    "blank": (pivlab, lambda s: "PIVlab, ASCII chart\n\n", "the names of its columns, got none"),
     "binary": (pivlab, lambda s: "PIVlab\0\0\0", "must be text, got binary"),
     "openpiv flags": (
         openpiv,

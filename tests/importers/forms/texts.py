@@ -68,29 +68,19 @@ def given(files: Any, flow: Any, settings: dict[str, Any], rounding: float = TEX
 
 
 def pivlab(
-    folder: Path, units: str, up: bool, lines: str, types: bool, order: str, gone: str, **more: Any
+    folder: Path, units: str, up: bool, info: bool, types: bool, order: str, gone: str, **more: Any
 ) -> Given | None:
-    header = "header" in lines
-    if not header and (order or units in MIXED):
-        return None
     if not types and (gone in ("0", "9e9") or "4" in order):
         return None
     if not gone and "blank" in more["dialect"]:
         return None
-    seen, info = view(units, up), "info" in lines
-    options = {"view": seen, "info": info, "header": header, "types": types, "gone": gone}
-    files = series(folder, export, order=order, **options, **more)
-    settings = {} if header else {"length_unit": seen.x, "velocity_unit": seen.u}
-    return given(files, physical.flow(), settings)
+    options = {"view": view(units, up), "info": info, "types": types, "gone": gone}
+    return given(series(folder, export, order=order, **options, **more), physical.flow(), {})
 
 
-def openpiv_text(
-    folder: Path, units: str, up: bool, flags: bool, gone: str, order: str, **more: Any
-) -> Given | None:
-    if not flags and (order or gone != "nan"):
-        return None
+def openpiv_text(folder: Path, units: str, up: bool, gone: str, order: str, **more: Any) -> Given:
     seen = view(units, up)
-    files = series(folder, openpiv, view=seen, flags=flags, gone=gone, order=order, **more)
+    files = series(folder, openpiv, view=seen, gone=gone, order=order, **more)
     return given(files, physical.flow(), {"length_unit": seen.x, "velocity_unit": seen.u})
 
 
@@ -141,7 +131,7 @@ FAMILIES = {
         {
             "units": plain(PIXELS, METERS) | MIXED | odd("mm mm mm/s mm/s"),
             "up": plain(False, True),
-            "lines": plain("info header", "info", "header", ""),
+            "info": plain(True, False),
             "types": plain(True, False),
             "gone": plain("NaN", "0", "", "9e9"),
             "order": plain("", "10", "0132", "4", "01423"),
@@ -154,7 +144,6 @@ FAMILIES = {
         {
             "units": plain(PIXELS, METERS, "mm mm mm/s mm/s", "px px px/s px/s"),
             "up": plain(False, True),
-            "flags": plain(True, False),
             "gone": plain("0.0", "nan", "", "9e9"),
             "order": plain("", "10", "0132", "4"),
             "dialect": styles("tab", "blank"),
