@@ -135,7 +135,7 @@ FOUND_BY_ATTACKS = [
     ({"threads": "10000"}, "threads must be in [1, 256], got 10000"),
     ({"cells": "2147483648"}, "cells must be in [32, 16384], got 2147483648"),
     ({"frames": "1e308"}, "frames must be"),
-    ({"mu_s": "0"}, "true_mu_s must be a positive number"),
+    ({"mu_s": "0"}, "true_mu_s must be from 1e-30"),
     ({"eta_min": "2e4"}, "eta_min must be below eta_max"),
     ({"eta_min": "1", "eta_max": "1"}, "eta_min must be below eta_max = 1, got 1"),
     ({"d": "3"}, "d, the grain diameter, must be smaller than the column"),
