@@ -33,7 +33,7 @@ import numpy as np
 
 from granpinn.arrays import Float64, Int8
 from granpinn.estimates.pairs import pair_noise
-from granpinn.estimates.robust import LEAST_CORRELATION, NORMAL, correlation, robust_sd, signs_of
+from granpinn.estimates.robust import LEAST_CORRELATION, correlation, robust_sd, signs_of
 from granpinn.estimates.view import View
 
 ORDER = 3
@@ -113,18 +113,6 @@ def _gaps(view: View, in_time: Float64) -> bool:
 def _growth(order: int) -> float:
     """Factor on the standard deviation of white noise in differences of an order."""
     return math.sqrt(math.comb(2 * order, order))
-
-
-def noise_map(view: View) -> Float64:
-    """Noise of every cell [Y, X] from its differences in time, NaN where they are few."""
-    squares = np.zeros(view.count.shape[1:])
-    enough = np.ones(squares.shape, bool)
-    for values in (view.u, view.v):
-        size = np.abs(np.diff(np.where(view.there, values, np.nan), ORDER, axis=0))
-        enough &= np.isfinite(size).sum(axis=0) >= 5
-        middle = np.nanmedian(np.where(enough, size, 0.0), axis=0) if size.size else squares
-        squares += (NORMAL * middle / _growth(ORDER)) ** 2
-    return np.where(enough, np.sqrt(squares / 2), np.nan)
 
 
 def _spread(values: Float64, factor: float) -> float | None:

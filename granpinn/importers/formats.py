@@ -55,7 +55,7 @@ FORMATS = {
         tracks.read,
         ("window", "columns", "drop_duplicates"),
     ),
-    "pivlab": Format("PIVlab text with column names", pivlab_text.sniff, pivlab_text.read),
+    "pivlab": Format("PIVlab text", pivlab_text.sniff, pivlab_text.read),
     "insight": Format("TSI Insight .vec", insight.sniff, insight.read),
     "davis": Format("LaVision DaVis text", davis.sniff_text, davis.read_text_export),
     "vc7": Format("LaVision DaVis .vc7 (needs lvpyio)", davis.sniff_vc7, davis.read_vc7),

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -84,9 +82,6 @@ class MeasuredNoise(Noise, Record):
             )
         return [Reason(ADVICE, text) for text in found]
 
-    def figures(self) -> dict[str, tuple[str, Callable[[Inspection], Any]]]:
-        return {"noise": ("Noise", _map)}
-
 
 def make(inspection: Inspection) -> MeasuredNoise:
     flow, facts, unit = inspection.flow, inspection.facts, inspection.scales.velocity
@@ -110,15 +105,6 @@ def _stated(flow: Flow) -> float | None:
         return None
     used = [sigma[flow.valid] if sigma.ndim == 3 else sigma for sigma in sigmas]
     return math.hypot(*(float(np.median(sigma)) for sigma in used)) / math.sqrt(2)
-
-
-def _map(inspection: Inspection) -> Any:
-    """The noise of one component, cell by cell."""
-    from granpinn.figures.maps import map_of_grid
-    from granpinn.figures.style import label
-
-    values = inspection.facts.noise_cells * inspection.scales.velocity
-    return map_of_grid(inspection.flow, values, label(r"$\sigma$", inspection.velocity_unit))
 
 
 CHECK = Check("noise", MeasuredNoise, make, seconds=0.03, quick=False)

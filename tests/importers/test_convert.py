@@ -37,7 +37,7 @@ def test_pivlab_series(tmp_path: Path, series: list[str], capsys: Any) -> None:
     out = tmp_path / "flow.h5"
     assert run(*series, "--out", out, *CAMERA, *MATERIAL, "--tilt", "-1.2 deg") == 0
     text = capsys.readouterr().out
-    assert "PIVlab text with column names, 3 files: 3 frames, 7 x 9 vectors px/frame" in text
+    assert "PIVlab text, 3 files: 3 frames, 7 x 9 vectors px/frame" in text
     assert f"next: granpinn train {out} --out run" in text
     flow = read_flow(out)
     assert (flow.length_unit, flow.time_unit, flow.density_unit) == ("m", "s", "kg/m^3")
@@ -55,7 +55,7 @@ def test_pivlab_series(tmp_path: Path, series: list[str], capsys: Any) -> None:
     assert np.isnan(flow.u[~valid]).all()
     assert flow.surface is not None
     assert flow.attributes["scale"] == "0.5 mm/px"
-    assert flow.attributes["source"] == "PIVlab text with column names"
+    assert flow.attributes["source"] == "PIVlab text"
 
 
 def test_interpolated_vectors_are_used_only_if_asked_for(tmp_path: Path, series: list[str]) -> None:
