@@ -99,17 +99,6 @@ class PySolver {
     py::gil_scoped_release release;
     solver_->set_state(c_data, u_data, v_data);
   }
-  void set_friction_factor(const Array& factor) {
-    check_shape(factor, "factor", s_.cells_y, s_.cells_x);
-    const double* values = factor.data();
-    for (py::ssize_t k = 0; k < factor.size(); ++k) {
-      if (!(values[k] >= 0) || std::isinf(values[k])) {
-        throw py::value_error("factor must not be negative and be finite, got " +
-                              std::to_string(values[k]));
-      }
-    }
-    solver_->set_friction_factor(values);
-  }
   // Several steps in one call: between calls a thread waits for Python.
   py::dict step(double largest, int count) {
     if (count < 1) throw py::value_error("count must be positive, got " + std::to_string(count));
@@ -194,7 +183,6 @@ PYBIND11_MODULE(_collapse, m) {
   py::class_<PySolver>(m, "Solver")
       .def(py::init<const Parameters&>(), py::call_guard<py::gil_scoped_release>())
       .def("set_state", &PySolver::set_state)
-      .def("set_friction_factor", &PySolver::set_friction_factor)
       .def("step", &PySolver::step, py::arg("largest"), py::arg("count") = 1)
       .def("advect_fraction", &PySolver::advect_fraction)
       .def_property_readonly("time", &PySolver::time)

@@ -96,8 +96,8 @@ void CollapseSolver::fill_coefficients(double step) {
   if (grid_.bottom == Side::no_slip) drain_floor(drained_, grid_);
   strain_.update(velocity_[0], velocity_[1], s_.spacing, team_);
   visit_law(s_.law, [&](auto law) {
-    mixture_viscosity(Friction<decltype(law)>(s_), factor_, strain_, pressure, drained_,
-                      eta_center_, eta_corner_, grid_, s_, team_);
+    mixture_viscosity(Friction<decltype(law)>(s_), strain_, pressure, drained_, eta_center_,
+                      eta_corner_, grid_, s_, team_);
   });
   if (grid_.periodic()) eta_center_.wrap();
   plug_viscosity(c_, eta_center_, eta_corner_, plug_eta_, grid_, team_);

@@ -36,9 +36,6 @@ class CollapseSolver final : public Solver {
   explicit CollapseSolver(const Parameters& parameters);
 
   void set_state(const double* c, const double* u, const double* v) override;
-  void set_friction_factor(const double* factor) override {
-    factor_.set(factor, s_.cells_x, s_.cells_y);
-  }
   StepReport step(double largest) override;
   void advect_fraction(double step) override;
   double time() const override { return time_; }
@@ -132,7 +129,6 @@ class CollapseSolver final : public Solver {
   std::vector<double> row_values_;
   FractionAdvection fraction_advection_;
   StrainRate strain_;
-  Factor factor_;
 
   ViscousLevel<double> viscous_;
   PoissonLevel<double> poisson_;

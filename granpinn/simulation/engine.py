@@ -130,16 +130,6 @@ class Engine:
     def time(self) -> float:
         return float(self._solver.time)
 
-    def set_friction_factor(self, factor: Float64) -> None:
-        """A factor on the friction at the cell centers of the box [cells_y, cells_x], from now on.
-
-        For material that differs from place to place or changes in time; 1 until it is set.
-
-        Raises:
-            ValueError: the shape is another, or a value is negative or not finite.
-        """
-        self._solver.set_friction_factor(factor)
-
     def step(self, largest: float, count: int = 1) -> StepReport:
         """A time step: the longest stable one that divides the time `largest`; the last of
         `count` such steps."""
