@@ -43,18 +43,13 @@ inline void fill_pressure_ghosts(Field<double>& p, const Grid& grid) {
     p(i, -1) = ghost(grid.bottom, p(i, 0), p(i, 1));
     p(i, ny) = ghost(grid.top, p(i, ny - 1), p(i, ny - 2));
   }
-  if (!grid.has_opening()) return;
-  const Columns open = grid.v_faces().floor;
-  for (int i = open.i0; i < open.i1; ++i) p(i, -1) = -p(i, 0);
 }
 
 // Volume fractions for the viscosity alone: air in the lowest row below grains counts as grains.
 // The toe rolls over pockets of air, which an incompressible gas cannot leave. It would glide on
-// them, while between real grains the air drains. Above an opening, air stays air.
+// them, while between real grains the air drains.
 inline void drain_floor(Field<double>& c, const Grid& grid) {
-  for (int i = 0; i < grid.nx; ++i) {
-    if (grid.open_share(i) == 0) c(i, 0) = std::max(c(i, 0), c(i, 1));
-  }
+  for (int i = 0; i < grid.nx; ++i) c(i, 0) = std::max(c(i, 0), c(i, 1));
   fill_fraction_ghosts(c, grid);
 }
 

@@ -78,11 +78,6 @@ const Parameters& checked(const Parameters& s) {
                           std::to_string(s.side_wall) + " and " +
                           std::to_string(s.side_wall_speed));
   }
-  if (!(0 <= s.open_from && s.open_from <= s.open_to && s.open_to <= s.cells_x)) {
-    throw py::value_error("open_from and open_to must be cell edges of the floor, from 0 to " +
-                          std::to_string(s.cells_x) + ", got " + std::to_string(s.open_from) +
-                          " and " + std::to_string(s.open_to));
-  }
   if (s.chunk < 1) throw py::value_error("chunk must be positive, got " + std::to_string(s.chunk));
   return s;
 }
@@ -116,7 +111,6 @@ class PySolver {
     out["pressure_error"] = r.pressure_error;
     out["largest_divergence"] = r.largest_divergence;
     out["largest_speed"] = r.largest_speed;
-    out["outflow"] = r.outflow;
     out["window"] = py::make_tuple(r.window_x, r.window_y);
     return out;
   }
@@ -156,8 +150,6 @@ PYBIND11_MODULE(_collapse, m) {
       .def_readwrite("right", &Parameters::right)
       .def_readwrite("bottom", &Parameters::bottom)
       .def_readwrite("top", &Parameters::top)
-      .def_readwrite("open_from", &Parameters::open_from)
-      .def_readwrite("open_to", &Parameters::open_to)
       .def_property("law", &law_name, &set_law)
       .def_property("theta", &theta, &set_theta)
       .def_readwrite("grain_diameter", &Parameters::grain_diameter)

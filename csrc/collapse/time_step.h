@@ -55,7 +55,6 @@ class CollapseSolver final : public Solver {
   Table table(const Field<double>& field, int more_columns, int more_rows) const;
   void allocate(int nx, int ny);
   void fit_window();
-  void close_walls_beside_opening();
   double choose_step(double largest);
   void extrapolate(double share);
   void fill_coefficients(double step);
@@ -94,8 +93,7 @@ class CollapseSolver final : public Solver {
       for (int k = 0; k < 2; ++k) {
         const Range range = viscous_.range(k);
         for (int j = std::max(j0, range.j0); j < std::min(j1, range.j1); ++j) {
-          const Columns columns = range.columns(j);
-          for (int i = columns.i0; i < columns.i1; ++i) body(k, i, j);
+          for (int i = range.i0; i < range.i1; ++i) body(k, i, j);
         }
       }
     });
