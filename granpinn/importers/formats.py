@@ -13,7 +13,6 @@ from granpinn.importers import (
     basilisk,
     davis,
     insight,
-    meshes,
     openpiv,
     pivlab_mat,
     pivlab_text,
@@ -62,22 +61,19 @@ FORMATS = {
     "basilisk": Format("Basilisk output_field", basilisk.sniff, basilisk.read, ("names",)),
     "openpiv": Format("OpenPIV text", openpiv.sniff, openpiv.read),
     "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
-    "mesh": Format("VTK, OpenFOAM (needs pyvista)", meshes.sniff, meshes.read, ("names",)),
 }
 
 
 def detect(path: Path) -> str:
     """The name of the format of a file, from its content."""
-    head = b""
-    if not path.is_dir():
-        try:
-            head = first_bytes(path, HEAD)
-            if (encoding := encoding_of(head)).startswith("utf-16"):
-                head = head.decode(encoding, "ignore").encode()
-        except UnsafeFileError as error:
-            raise DataFileError(f"{path}: {error}") from None
-        if not head:
-            raise DataFileError(f"{path} is empty, expected vectors: export it again")
+    try:
+        head = first_bytes(path, HEAD)
+    except UnsafeFileError as error:
+        raise DataFileError(f"{path}: {error}") from None
+    if (encoding := encoding_of(head)).startswith("utf-16"):
+        head = head.decode(encoding, "ignore").encode()
+    if not head:
+        raise DataFileError(f"{path} is empty, expected vectors: export it again")
     for name, found in FORMATS.items():
         if found.sniff(path, head):
             return name

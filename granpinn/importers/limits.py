@@ -74,7 +74,7 @@ def read_file(
     """What a reader of `granpinn.foreign` gives for a file.
 
     Args:
-        size: checks the files that belong to it, and gives the bytes of all.
+        size: checks the file, and gives its bytes.
 
     Raises:
         DataFileError: it is no regular file with data, or the reader refuses it.

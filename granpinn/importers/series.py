@@ -108,7 +108,7 @@ def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
         path = Path(given)
         if len(os.fspath(given)) > MAX_PATH or "\0" in os.fspath(given):
             raise DataFileError(f"{str(given)[:60]}... is no path: name a file or a folder")
-        if path.is_dir() and not FORMATS["mesh"].sniff(path, b""):
+        if path.is_dir():
             files = [p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")]
             kinds = sorted({file.suffix for file in files})
             if len(kinds) > 1:
@@ -129,10 +129,8 @@ def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
     for path in found:
         if not path.exists():
             raise DataFileError(f"{path} does not exist: check the path")
-        if not (path.is_file() or path.is_dir()):
-            raise DataFileError(
-                f"{path} must be a file or a folder, got a device or a pipe: check the path"
-            )
+        if not path.is_file():
+            raise DataFileError(f"{path} must be a file, got a device, a pipe or a folder in it")
     return sorted(dict.fromkeys(found), key=natural)
 
 

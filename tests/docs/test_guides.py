@@ -75,3 +75,28 @@ def test_files_of_opyf_become_a_flow(tmp_path: Path) -> None:
     np.testing.assert_allclose(flow.v[0, 1], -0.02, rtol=1e-6)
     assert flow.surface is not None
     np.testing.assert_allclose(np.sort(flow.surface.y), np.sort(depth[13:, :12].ravel()))
+
+
+def test_meshes_become_a_flow(tmp_path: Path) -> None:
+    """Cells of an unstructured grid, in any order, are a grid again."""
+    pyvista = pytest.importorskip("pyvista")
+    (text,) = BLOCK.findall((GUIDES / "importing.md").read_text())
+    flow = make_flow()
+    rng = np.random.default_rng(0)
+    for k in range(3):
+        shape = (flow.x.size + 1, flow.y.size + 1, 2)
+        grid = pyvista.ImageData(dimensions=shape, spacing=(0.1, 0.1, 0.1))
+        grid.cell_data["alpha.grains"] = flow.c[k].ravel()
+        u, v = (np.nan_to_num(a[k]).ravel() for a in (flow.u, flow.v))
+        grid.cell_data["U"] = np.stack([u, v, 0 * u], axis=1)
+        grid.extract_cells(rng.permutation(grid.n_cells)).save(tmp_path / f"flow-{k / 10}.vtu")
+    (tmp_path / "convert.py").write_text(text)
+    with contextlib.chdir(tmp_path):
+        runpy.run_path("convert.py")
+    found = read_flow(tmp_path / "flow.h5")
+    np.testing.assert_allclose(found.t, [0.0, 0.1, 0.2])
+    np.testing.assert_allclose(found.x, 0.05 + 0.1 * np.arange(flow.x.size), rtol=1e-6)
+    np.testing.assert_array_equal(found.c, flow.c[:3])
+    there = flow.valid[:3]
+    np.testing.assert_allclose(found.u[there], flow.u[:3][there], rtol=1e-6)
+    assert found.surface is not None

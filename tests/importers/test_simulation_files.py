@@ -1,4 +1,4 @@
-"""NumPy arrays, data sets of xarray, Basilisk, VTK and OpenFOAM."""
+"""NumPy arrays, data sets of xarray, and Basilisk."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -125,3 +126,14 @@ def test_vc7_takes_no_first_of_several(vc7: Any) -> None:
     one = frame(np.zeros((2, 3)))
     with pytest.raises(ValueError, match="a buffer holds 2 frames"):
         vc7(one, one)
+
+
+def test_devices_and_pipes(tmp_path: Path) -> None:
+    pipe, link = tmp_path / "a.vc7", tmp_path / "b.vc7"
+    os.mkfifo(pipe)
+    link.symlink_to("/dev/zero")
+    for path in (pipe, link):
+        with pytest.raises(DataFileError, match="no regular file|needs LaVision's package"):
+            davis_reader.read_vc7(path)
+        with pytest.raises(DataFileError, match="must be a file, got a device, a pipe"):
+            read_vectors(path)
