@@ -28,20 +28,14 @@ class Settings:
     """Numbers with units are text, such as "0.12 mm/px"; None means not given."""
 
     format: str = setting("auto", "format of the files, auto = from their content", group="files")
-    fields: str | None = setting(
-        None, "names of fields in simulation files, such as u=U,c=alpha.grains,p=p", group="files"
-    )
     columns: str | None = setting(
         None,
-        "names of columns in a table of tracks that granpinn does not know, such as "
-        "x=abscissa,y=height,t=time",
+        "names of columns that granpinn does not know, such as x=abscissa,y=height,t=time in a "
+        "table of tracks; of Basilisk with --format basilisk",
         group="files",
     )
     zeros: Literal["measured", "missing"] = setting(
         "measured", "vectors that are exactly (0, 0): measured, or missing", group="files"
-    )
-    drop_duplicates: bool = setting(
-        False, "keep the first of several rows of one particle in one frame", group="files"
     )
     frames: str | None = setting(
         None, "frames to use, FIRST:LAST:STEP counted from 0 (LAST not included)", group="files"

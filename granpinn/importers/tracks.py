@@ -62,14 +62,12 @@ def read(
     path: Path,
     window: int = 5,
     columns: Mapping[str, str] | None = None,
-    drop_duplicates: bool = False,
 ) -> VectorFields:
     """Scattered vectors of all tracks.
 
     Args:
         window: frames of the local polynomial, an odd number; not used if the table has u, v.
         columns: names of the columns by their roles, where they are not in `NAMES`.
-        drop_duplicates: keep the first of several rows of one particle in one frame.
     """
     roles = NAMES | {role: (column(name).name,) for role, name in (columns or {}).items()}
     table = read_headed(path, ("x", "y"), roles)
@@ -96,7 +94,7 @@ def read(
         motion = TrackMotion(found["x"], found["y"], found["u"], found["v"])
         motion = motion._replace(sigma_u=found.get("sigma_u"), sigma_v=found.get("sigma_v"))
     else:
-        found = _each_once(path, found, drop_duplicates)
+        _require_each_once(path, found)
         t = found["t" if timed else "frame"]
         ep = found.get("ep")
         ep = ep if ep is not None and np.isfinite(ep).any() else None
@@ -125,20 +123,16 @@ def read(
     )
 
 
-def _each_once(path: Path, columns: Mapping[str, Float64], drop: bool) -> dict[str, Float64]:
-    """The columns with one row for each particle and time."""
+def _require_each_once(path: Path, columns: Mapping[str, Float64]) -> None:
+    """Refuses several rows for one particle and time."""
     time = "frame" if "frame" in columns else "t"
     particle, frame = columns["particle"], columns[time]
     order = np.lexsort((frame, particle))
     again = (np.diff(particle[order]) == 0) & (np.diff(frame[order]) == 0)
-    if again.any() and not drop:
+    if again.any():
         row = order[1:][again][0]
         raise DataFileError(
             f"{path} must have one row for every particle and {time}, got particle "
             f"{particle[row]:g} more than once at {time} {frame[row]:g}, and {int(again.sum())} "
-            "such rows: give --drop-duplicates to keep the first row of each, or link the "
-            "particles again"
+            "such rows: link the particles again, or keep the first row of each"
         )
-    kept = np.ones(particle.size, bool)
-    kept[order[1:][again]] = False
-    return {name: values[kept] for name, values in columns.items()}

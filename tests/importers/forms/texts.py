@@ -114,7 +114,9 @@ def basilisk_text(
     files = series(folder, basilisk, **options, **more)
     for path, t in zip(files, physical.T, strict=True):
         path.rename(folder / f"out-{t:.3f}.txt")
-    settings: dict[str, Any] = {"times": "name"} | ({"fields": names} if names else {})
+    settings: dict[str, Any] = {"times": "name"} | (
+        {"columns": names, "format": "basilisk"} if names else {}
+    )
     flow = physical.flow(gaps=False, fraction=True)
     if units != "none":
         length, velocity = units.split()
