@@ -69,7 +69,7 @@ def particle_fits(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) ->
         found.append(variance)
         rates.append(rate)
     if not found:
-        unknown = Noise(None, None, None, None, None, 1.0)
+        unknown = Noise(None, None, None, 1.0)
         return ParticleFits(unknown, np.empty(0))
     variance = np.concatenate(found)
     typical = np.sqrt(np.median(variance, axis=0))
@@ -77,8 +77,6 @@ def particle_fits(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) ->
         sigma=float(np.sqrt(np.mean(typical**2))),
         u=float(typical[0]),
         v=float(typical[1]),
-        in_time=None,
-        in_space=float(np.sqrt(np.mean(typical**2))),
         vectors_per_independent=1.0,
     )
     return ParticleFits(noise, np.concatenate(rates))

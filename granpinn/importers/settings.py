@@ -12,7 +12,7 @@ from granpinn.declared import require_fields
 from granpinn.importers import units
 from granpinn.importers.vectors import DataFileError
 
-SURFACES = ("auto", "mask", "fraction", "none")  # other values of --surface name a file
+SURFACES = ("auto", "none")  # other values of --surface name a file
 # Settings that a flow file keeps as attributes of the same names, in SI.
 LENGTHS = (WALL_GAP, PERIOD_X, SURFACE_SD, SOLVER_CELL, SOLVER_MEAN)
 QUANTITIES = {
@@ -152,7 +152,7 @@ class Settings:
     )
     surface: str = setting(
         "auto",
-        "line of the free surface: mask, fraction, none, a CSV file with the "
+        "line of the free surface: none, a CSV file with the "
         "columns t (or frame), x, y, or auto = from the fraction field or the mask, if any",
         group="grains",
     )

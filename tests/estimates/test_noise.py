@@ -45,7 +45,7 @@ def test_noise_of_a_grid(demo: Flow, seed: int, sd: float) -> None:
     found = inspect(add_noise(demo, sd, seed))
     expected = sd * max_speed(demo)
     noise = found["noise"]
-    for estimate in (noise.sigma, noise.u, noise.v, noise.in_space):
+    for estimate in (noise.sigma, noise.u, noise.v):
         assert estimate is not None
         assert estimate == pytest.approx(expected, rel=TOLERANCE)
     assert found["noise"].relative == pytest.approx(sd, rel=TOLERANCE)
