@@ -17,7 +17,7 @@ import numpy as np
 from granpinn.importers.columns import header, read_table
 from granpinn.importers.tables import codes_of, grid_frame
 from granpinn.importers.textfile import TextFile
-from granpinn.importers.vectors import Validity, VectorFields
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 _NAMES = ("x", "y", "u", "v", "flags", "mask")
 _MASK = {0: Validity.VALID, 1: Validity.MASKED}
@@ -33,8 +33,13 @@ def sniff(path: Path, head: bytes) -> bool:
 def read(path: Path) -> VectorFields:
     """One frame; see the module for the layout."""
     text = TextFile(path)
-    named = header(text.head(1)[0])
-    table = read_table(text, {name: (name,) for name in _NAMES}, named, _NAMES)
+    first = text.head(1)[0]
+    if not first.startswith("#"):
+        raise DataFileError(
+            f"{path} must begin with '# x y u v flags mask', got {first[:40]!r}: save it with "
+            "openpiv.tools.save of version 0.25 or later"
+        )
+    table = read_table(text, {name: (name,) for name in _NAMES}, header(first), _NAMES)
     codes = codes_of(path, "flags", table.columns["flags"], _FLAGS)
     outside = codes_of(path, "mask", table.columns["mask"], _MASK) == Validity.MASKED
     return grid_frame(path, table, np.where(outside, np.int8(Validity.MASKED), codes))
