@@ -29,28 +29,6 @@ inline void fill_ghosts_beside_row(Field<double>& u, Field<double>& v, int j, co
   }
 }
 
-// Below an opening, where grains leave, the velocity is linear: along the floor as much as no shear
-// stress needs. The wall beside it has its share in the ghost value of u at an end of the opening.
-// Air that comes in has no gradient along its way.
-inline void fill_ghosts_below_opening(Field<double>& u, Field<double>& v, const Grid& grid) {
-  const Columns open = grid.v_faces().floor;
-  for (int i = open.i0; i <= open.i1; ++i) {
-    const double share = grid.open_share_at_corner(i), slope = v(i, 0) - v(i - 1, 0);
-    for (int g = 1; g <= 2; ++g) {
-      u(i, -g) = share * (u(i, 0) + g * slope) + (1 - share) * u(i, -g);
-    }
-  }
-  for (int i = open.i0; i < open.i1; ++i) {
-    const double slope = v(i, 0) < 0 ? v(i, 1) - v(i, 0) : 0.0;
-    for (int g = 1; g <= 2; ++g) v(i, -g) = v(i, 0) - g * slope;
-  }
-  for (int j = -2; j < 0; ++j) fill_ghosts_beside_row(u, v, j, grid);
-  if (grid.periodic()) {
-    u.wrap();
-    v.wrap();
-  }
-}
-
 inline void fill_velocity_ghosts(Field<double>& u, Field<double>& v, const Grid& grid) {
   const int nx = grid.nx, ny = grid.ny;
   for (int j = 0; j <= ny; ++j) fill_ghosts_beside_row(u, v, j, grid);
@@ -67,7 +45,6 @@ inline void fill_velocity_ghosts(Field<double>& u, Field<double>& v, const Grid&
       v(i, ny + g) = top_open ? v(i, ny) : through(grid.top) * v(i, ny - g);
     }
   }
-  if (grid.has_opening()) fill_ghosts_below_opening(u, v, grid);
 }
 
 // Value between a and b, interpolated with the upstream neighbour.
@@ -131,8 +108,7 @@ inline void advect_momentum(const Field<double>& u, const Field<double>& v, Fiel
       }
       if (j >= vr.j0 && j < vr.j1) {
         double* out = av.row(j);
-        const Columns columns = vr.columns(j);
-        for (int i = columns.i0; i < columns.i1; ++i) {
+        for (int i = vr.i0; i < vr.i1; ++i) {
           out[i] = (v_high[i] - v_low[i] + v_corner[i + 1] - v_corner[i]) / h;
         }
       }

@@ -18,16 +18,9 @@
 
 namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE {
 
-// First and last column, i0 <= i < i1.
-struct Columns {
-  int i0 = 0, i1 = 0;
-};
-
-// Unknowns of one quantity: j0 <= j < j1, and i0 <= i < i1 but in the row 0, which has its own.
+// Unknowns of one quantity: i0 <= i < i1 and j0 <= j < j1.
 struct Range {
   int i0 = 0, i1 = 0, j0 = 0, j1 = 0;
-  Columns floor = {i0, i1};
-  Columns columns(int j) const { return j == 0 ? floor : Columns{i0, i1}; }
 };
 
 template <class S>
@@ -121,46 +114,25 @@ struct Vector {
   const Field<S>& operator[](int k) const { return part[k]; }
 };
 
-// Size and sides of the grid on which something is solved.
-//
-// The bottom is a wall, open from `open_from` to `open_to`, in cells. The ends of the opening are
-// edges of cells on the finest grid. On coarse ones they may lie inside a cell.
+// Size and sides of the grid on which something is solved. The bottom is a wall.
 struct Grid {
   int nx = 0, ny = 0;
   Side left = Side::free_slip, right = Side::no_slip, bottom = Side::no_slip, top = Side::open;
-  double open_from = 0, open_to = 0;
 
   bool periodic() const { return left == Side::periodic; }
   Grid coarser() const {
     Grid coarse = *this;
     coarse.nx /= 2;
     coarse.ny /= 2;
-    coarse.open_from /= 2;
-    coarse.open_to /= 2;
     return coarse;
   }
-  bool has_opening() const { return open_to > open_from; }
-  // Open share of the floor below the column i, and around the corner i: the mean of the columns
-  // beside it.
-  double open_share(int i) const {
-    return std::max(0.0, std::min(open_to, i + 1.0) - std::max(open_from, double(i)));
-  }
-  double open_share_at_corner(int i) const {
-    const int before = i > 0 ? i - 1 : periodic() ? nx - 1 : 0;
-    const int after = i < nx ? i : periodic() ? 0 : nx - 1;
-    return 0.5 * (open_share(before) + open_share(after));
-  }
   Range cells() const { return {0, nx, 0, ny}; }
-  // Faces whose velocity is unknown: not those on walls, and periodic ones once. On the floor they
-  // are those with an open share.
+  // Faces whose velocity is unknown: not those on walls, and periodic ones once.
   Range u_faces() const {
     const int first = left == Side::open || periodic() ? 0 : 1;
     return {first, right == Side::open ? nx + 1 : nx, 0, ny};
   }
-  Range v_faces() const {
-    const Columns floor = {static_cast<int>(open_from), static_cast<int>(std::ceil(open_to))};
-    return {0, nx, has_opening() ? 0 : 1, top == Side::open ? ny + 1 : ny, floor};
-  }
+  Range v_faces() const { return {0, nx, 1, top == Side::open ? ny + 1 : ny}; }
 };
 
 }  // namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE

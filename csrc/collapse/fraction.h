@@ -39,18 +39,15 @@ class FractionAdvection {
     compensation_.resize(grid.nx, grid.ny);
   }
 
-  // c moves with the face velocities u, v for the time `step`; h is the cell size. Returns the
-  // grains that left through the floor, in cells.
-  double advance(Field<double>& c, const Field<double>& u, const Field<double>& v, double step,
-                 double h, bool vertical_first, Team& team) {
+  // c moves with the face velocities u, v for the time `step`; h is the cell size.
+  void advance(Field<double>& c, const Field<double>& u, const Field<double>& v, double step,
+               double h, bool vertical_first, Team& team) {
     for (int j = 0; j < grid_.ny; ++j) {
       for (int i = 0; i < grid_.nx; ++i) compensation_(i, j) = c(i, j) > 0.5 ? 1 : 0;
     }
-    outflow_ = 0;
     sweep(c, vertical_first ? v : u, vertical_first, step / h, team);
     sweep(c, vertical_first ? u : v, !vertical_first, step / h, team);
     fill_fraction_ghosts(c, grid_);
-    return outflow_;
   }
 
  private:
@@ -65,11 +62,6 @@ class FractionAdvection {
         }
       }
     });
-    const Columns open = grid_.v_faces().floor;
-    for (int i = open.i0; i < open.i1 && vertical; ++i) {
-      flux_(i, 0) = std::min(flux_(i, 0), 0.0);  // what comes in is air
-      outflow_ -= flux_(i, 0);
-    }
     team.rows(0, grid_.ny, grid_.nx, [&](int j0, int j1) {
       for (int j = j0; j < j1; ++j) {
         for (int i = 0; i < grid_.nx; ++i) {
@@ -102,7 +94,6 @@ class FractionAdvection {
 
   Grid grid_;
   Field<double> flux_, compensation_;
-  double outflow_ = 0;
 };
 
 }  // namespace granpinn::collapse::GRANPINN_SIMD_NAMESPACE

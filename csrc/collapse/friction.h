@@ -2,13 +2,11 @@
 //
 //   gamma_dot = sqrt(2 D:D),  eta_g = (cohesion + mu(I) p) / gamma_dot within [eta_min, eta_max]
 //   1 / eta = c / eta_g + (1 - c) / eta_air                       (paper, equations means and eta)
-// The paper prints max(eta_g, eta_max) for the clamp; that is a slip for min. mu may have a factor
-// that differs from place to place (factor.h).
+// The paper prints max(eta_g, eta_max) for the clamp; that is a slip for min.
 #pragma once
 
 #include <cmath>
 
-#include "factor.h"
 #include "field.h"
 #include "fraction.h"
 #include "strain.h"
@@ -45,35 +43,28 @@ inline void fill_pressure_ghosts(Field<double>& p, const Grid& grid) {
     p(i, -1) = ghost(grid.bottom, p(i, 0), p(i, 1));
     p(i, ny) = ghost(grid.top, p(i, ny - 1), p(i, ny - 2));
   }
-  if (!grid.has_opening()) return;
-  const Columns open = grid.v_faces().floor;
-  for (int i = open.i0; i < open.i1; ++i) p(i, -1) = -p(i, 0);
 }
 
 // Volume fractions for the viscosity alone: air in the lowest row below grains counts as grains.
 // The toe rolls over pockets of air, which an incompressible gas cannot leave. It would glide on
-// them, while between real grains the air drains. Above an opening, air stays air.
+// them, while between real grains the air drains.
 inline void drain_floor(Field<double>& c, const Grid& grid) {
-  for (int i = 0; i < grid.nx; ++i) {
-    if (grid.open_share(i) == 0) c(i, 0) = std::max(c(i, 0), c(i, 1));
-  }
+  for (int i = 0; i < grid.nx; ++i) c(i, 0) = std::max(c(i, 0), c(i, 1));
   fill_fraction_ghosts(c, grid);
 }
 
 // All fields with their ghost values. cell = eta at centers, corner = eta at corners.
 template <class Law>
-void mixture_viscosity(const Friction<Law>& friction, const Factor& factor,
-                       const StrainRate& strain, const Field<double>& p, const Field<double>& c,
-                       Field<double>& cell, Field<double>& corner, const Grid& grid,
-                       const Parameters& s, Team& team) {
+void mixture_viscosity(const Friction<Law>& friction, const StrainRate& strain,
+                       const Field<double>& p, const Field<double>& c, Field<double>& cell,
+                       Field<double>& corner, const Grid& grid, const Parameters& s, Team& team) {
   team.rows(0, grid.ny + 1, grid.nx * 4, [&](int j0, int j1) {
     for (int j = j0; j < j1; ++j) {
       for (int i = 0; i < grid.nx && j < grid.ny; ++i) {
         double eta = s.air_viscosity;
         if (c(i, j) > 0) {
-          const Friction<Law> here = friction.times(factor.at_center(i, j));
-          const double squared = strain.squared_at_center(i, j, p(i, j), c, here, s);
-          eta = mixture_viscosity(c(i, j), grain_viscosity(squared, p(i, j), here, s), eta);
+          const double squared = strain.squared_at_center(i, j, p(i, j), c, friction, s);
+          eta = mixture_viscosity(c(i, j), grain_viscosity(squared, p(i, j), friction, s), eta);
         }
         cell(i, j) = eta;
       }
@@ -81,10 +72,9 @@ void mixture_viscosity(const Friction<Law>& friction, const Factor& factor,
         const double fraction = 0.25 * (c(i, j) + c(i - 1, j) + c(i, j - 1) + c(i - 1, j - 1));
         double eta = s.air_viscosity;
         if (fraction > 0) {
-          const Friction<Law> here = friction.times(factor.at_corner(i, j));
           const double p_here = 0.25 * (p(i, j) + p(i - 1, j) + p(i, j - 1) + p(i - 1, j - 1));
-          const double squared = strain.squared_at_corner(i, j, p_here, c, here, s);
-          eta = mixture_viscosity(fraction, grain_viscosity(squared, p_here, here, s), eta);
+          const double squared = strain.squared_at_corner(i, j, p_here, c, friction, s);
+          eta = mixture_viscosity(fraction, grain_viscosity(squared, p_here, friction, s), eta);
         }
         corner(i, j) = eta;
       }

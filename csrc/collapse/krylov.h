@@ -72,8 +72,7 @@ class ConjugateGradients {
         double total = 0;
         for (int k = 0; k < K; ++k) {
           const Range range = level.range(k);
-          const Columns columns = range.columns(j);
-          if (j >= range.j0 && j < range.j1) total += row(k, j, columns.i0, columns.i1);
+          if (j >= range.j0 && j < range.j1) total += row(k, j, range.i0, range.i1);
         }
         sums_[j] = total;
       }

@@ -78,11 +78,6 @@ const Parameters& checked(const Parameters& s) {
                           std::to_string(s.side_wall) + " and " +
                           std::to_string(s.side_wall_speed));
   }
-  if (!(0 <= s.open_from && s.open_from <= s.open_to && s.open_to <= s.cells_x)) {
-    throw py::value_error("open_from and open_to must be cell edges of the floor, from 0 to " +
-                          std::to_string(s.cells_x) + ", got " + std::to_string(s.open_from) +
-                          " and " + std::to_string(s.open_to));
-  }
   if (s.chunk < 1) throw py::value_error("chunk must be positive, got " + std::to_string(s.chunk));
   return s;
 }
@@ -98,17 +93,6 @@ class PySolver {
     const double *c_data = c.data(), *u_data = u.data(), *v_data = v.data();
     py::gil_scoped_release release;
     solver_->set_state(c_data, u_data, v_data);
-  }
-  void set_friction_factor(const Array& factor) {
-    check_shape(factor, "factor", s_.cells_y, s_.cells_x);
-    const double* values = factor.data();
-    for (py::ssize_t k = 0; k < factor.size(); ++k) {
-      if (!(values[k] >= 0) || std::isinf(values[k])) {
-        throw py::value_error("factor must not be negative and be finite, got " +
-                              std::to_string(values[k]));
-      }
-    }
-    solver_->set_friction_factor(values);
   }
   // Several steps in one call: between calls a thread waits for Python.
   py::dict step(double largest, int count) {
@@ -127,7 +111,6 @@ class PySolver {
     out["pressure_error"] = r.pressure_error;
     out["largest_divergence"] = r.largest_divergence;
     out["largest_speed"] = r.largest_speed;
-    out["outflow"] = r.outflow;
     out["window"] = py::make_tuple(r.window_x, r.window_y);
     return out;
   }
@@ -167,8 +150,6 @@ PYBIND11_MODULE(_collapse, m) {
       .def_readwrite("right", &Parameters::right)
       .def_readwrite("bottom", &Parameters::bottom)
       .def_readwrite("top", &Parameters::top)
-      .def_readwrite("open_from", &Parameters::open_from)
-      .def_readwrite("open_to", &Parameters::open_to)
       .def_property("law", &law_name, &set_law)
       .def_property("theta", &theta, &set_theta)
       .def_readwrite("grain_diameter", &Parameters::grain_diameter)
@@ -194,7 +175,6 @@ PYBIND11_MODULE(_collapse, m) {
   py::class_<PySolver>(m, "Solver")
       .def(py::init<const Parameters&>(), py::call_guard<py::gil_scoped_release>())
       .def("set_state", &PySolver::set_state)
-      .def("set_friction_factor", &PySolver::set_friction_factor)
       .def("step", &PySolver::step, py::arg("largest"), py::arg("count") = 1)
       .def("advect_fraction", &PySolver::advect_fraction)
       .def_property_readonly("time", &PySolver::time)

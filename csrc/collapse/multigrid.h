@@ -84,8 +84,7 @@ class Multigrid {
       for (int k = 0; k < K; ++k) {
         const Range range = level.range(k);
         for (int j = std::max(j0, range.j0); j < std::min(j1, range.j1); ++j) {
-          const Columns columns = range.columns(j);
-          body(k, j, columns.i0, columns.i1);
+          body(k, j, range.i0, range.i1);
         }
       }
     });

@@ -17,9 +17,6 @@ struct Parameters {
   int cells_x = 0, cells_y = 0;  // of the whole box
   double spacing = 0;
   Side left = Side::free_slip, right = Side::no_slip, bottom = Side::no_slip, top = Side::open;
-  // An opening in the floor: its part between these two cell edges is an open side. Grains leave
-  // through it, and what may come in is air.
-  int open_from = 0, open_to = 0;
 
   // The friction law mu(I; theta) with I = d gamma_dot / sqrt(p / rho), and
   // eta = (cohesion + mu(I) p) / gamma_dot within [eta_min, eta_max]. A cohesive law adds its c.
@@ -52,7 +49,6 @@ struct StepReport {
   double viscous_error = 0, pressure_error = 0;  // the norms that the tolerances bound
   double largest_divergence = 0;                 // times the step: volume error per cell
   double largest_speed = 0;
-  double outflow = 0;  // volume of the grains that left through the floor
   int window_x = 0, window_y = 0;
 };
 

@@ -20,8 +20,6 @@ class Solver {
 
   // Fractions at centers [ny][nx], velocities on faces [ny][nx + 1] and [ny + 1][nx], of the box.
   virtual void set_state(const double* c, const double* u, const double* v) = 0;
-  // A factor on the friction at centers [ny][nx] of the box, from now on; 1 before any is set.
-  virtual void set_friction_factor(const double* factor) = 0;
   // One time step of at most `largest`. Throws std::runtime_error if a solve does not converge.
   virtual StepReport step(double largest) = 0;
   // Moves the fraction alone with the present velocities.

@@ -56,7 +56,6 @@ void CollapseSolver::set_state(const double* c, const double* u, const double* v
     }
   }
   before_ = velocity_;
-  close_walls_beside_opening();
   fill_fraction_ghosts(c_, grid_);
   start_pressure();
 }
@@ -88,19 +87,7 @@ void CollapseSolver::fit_window() {
   velocity_ = std::move(velocity);
   before_ = std::move(before);
   pushed_ = std::move(pushed);
-  close_walls_beside_opening();
   fill_fraction_ghosts(c_, grid_);
-}
-
-// No flow through the walls beside an opening.
-void CollapseSolver::close_walls_beside_opening() {
-  if (!grid_.has_opening()) return;
-  const Columns open = grid_.v_faces().floor;
-  for (Field<double>* v : {&velocity_[1], &before_[1]}) {
-    for (int i = 0; i < grid_.nx; ++i) {
-      if (i < open.i0 || i >= open.i1) (*v)(i, 0) = 0;
-    }
-  }
 }
 
 void CollapseSolver::advect_fraction(double step) {

@@ -19,31 +19,24 @@ inline double inertial_number(double gamma_dot, double p, const Parameters& s) {
   return s.grain_diameter * gamma_dot / std::sqrt(std::max(p / s.density, 1e-30));
 }
 
-// A friction law (csrc/math/laws/) with the values of its parameters, times a factor, and the
-// cohesion that adds to it.
+// A friction law (csrc/math/laws/) with the values of its parameters, and the cohesion that adds to
+// it.
 template <class Law>
 struct Friction {
   double theta[Law::parameters];
   double cohesion;
-  double factor = 1;
 
   explicit Friction(const Parameters& s) : cohesion(s.cohesion) {
     std::copy_n(s.theta, Law::parameters, theta);
     if constexpr (is_cohesive<Law>) cohesion += theta[Law::cohesion];
   }
-  Friction times(double value) const {
-    Friction scaled = *this;
-    scaled.factor = value;
-    return scaled;
-  }
-  double mu(double I) const { return factor * typename Law::template Jet<double>(I, theta).mu; }
+  double mu(double I) const { return typename Law::template Jet<double>(I, theta).mu; }
   // C of the header; 0 for grains without friction.
   double ill_posedness(double I) const {
     const typename Law::template Jet<double> jet(I, theta);
     if (jet.mu <= 0) return 0;
     const double a = jet.I_dmu / jet.mu;
-    const double mu = factor * jet.mu;
-    return 4 * a * a - 4 * a + mu * mu * (1 - a / 2) * (1 - a / 2);
+    return 4 * a * a - 4 * a + jet.mu * jet.mu * (1 - a / 2) * (1 - a / 2);
   }
 };
 

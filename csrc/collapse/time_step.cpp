@@ -23,8 +23,8 @@ StepReport CollapseSolver::step(double largest) {
   StepReport report;
   const double dt = choose_step(largest);
   extrapolate(last_step_ > 0 ? 0.5 * dt / last_step_ : 0.0);
-  const double left = fraction_advection_.advance(c_, middle_[0], middle_[1], dt, s_.spacing,
-                                                  step_count_ % 2 == 1, team_);
+  fraction_advection_.advance(c_, middle_[0], middle_[1], dt, s_.spacing, step_count_ % 2 == 1,
+                              team_);
   advect_momentum(middle_[0], middle_[1], advected_[0], advected_[1], grid_, s_.spacing, team_);
   fill_coefficients(dt);
   build_cycles();
@@ -35,7 +35,6 @@ StepReport CollapseSolver::step(double largest) {
   ++step_count_;
   report.time = time_;
   report.step = dt;
-  report.outflow = left * s_.spacing * s_.spacing;
   report.window_x = grid_.nx;
   report.window_y = grid_.ny;
   fit_window();
@@ -96,8 +95,8 @@ void CollapseSolver::fill_coefficients(double step) {
   if (grid_.bottom == Side::no_slip) drain_floor(drained_, grid_);
   strain_.update(velocity_[0], velocity_[1], s_.spacing, team_);
   visit_law(s_.law, [&](auto law) {
-    mixture_viscosity(Friction<decltype(law)>(s_), factor_, strain_, pressure, drained_,
-                      eta_center_, eta_corner_, grid_, s_, team_);
+    mixture_viscosity(Friction<decltype(law)>(s_), strain_, pressure, drained_, eta_center_,
+                      eta_corner_, grid_, s_, team_);
   });
   if (grid_.periodic()) eta_center_.wrap();
   plug_viscosity(c_, eta_center_, eta_corner_, plug_eta_, grid_, team_);
@@ -115,10 +114,7 @@ void CollapseSolver::fill_coefficients(double step) {
   double mass = 0;
   for (const double value : row_values_) mass += value;
   const double gravity_squared = s_.gravity_x * s_.gravity_x + s_.gravity_y * s_.gravity_y;
-  // Below an opening, air alone may be left.
-  const double least = s_.open_to > s_.open_from ? s_.air_density * grid_.nx * grid_.ny : 0.0;
-  mass_scale_ =
-      std::max(mass * s_.density, least) * area * (gravity_squared > 0 ? gravity_squared : 1);
+  mass_scale_ = mass * s_.density * area * (gravity_squared > 0 ? gravity_squared : 1);
   viscous_.corner_eta = eta_corner_;
   each_face([&](int k, int i, int j) {
     const int n = k == 0 ? i : j, last = k == 0 ? grid_.nx : grid_.ny;

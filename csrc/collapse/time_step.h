@@ -36,9 +36,6 @@ class CollapseSolver final : public Solver {
   explicit CollapseSolver(const Parameters& parameters);
 
   void set_state(const double* c, const double* u, const double* v) override;
-  void set_friction_factor(const double* factor) override {
-    factor_.set(factor, s_.cells_x, s_.cells_y);
-  }
   StepReport step(double largest) override;
   void advect_fraction(double step) override;
   double time() const override { return time_; }
@@ -58,7 +55,6 @@ class CollapseSolver final : public Solver {
   Table table(const Field<double>& field, int more_columns, int more_rows) const;
   void allocate(int nx, int ny);
   void fit_window();
-  void close_walls_beside_opening();
   double choose_step(double largest);
   void extrapolate(double share);
   void fill_coefficients(double step);
@@ -97,8 +93,7 @@ class CollapseSolver final : public Solver {
       for (int k = 0; k < 2; ++k) {
         const Range range = viscous_.range(k);
         for (int j = std::max(j0, range.j0); j < std::min(j1, range.j1); ++j) {
-          const Columns columns = range.columns(j);
-          for (int i = columns.i0; i < columns.i1; ++i) body(k, i, j);
+          for (int i = range.i0; i < range.i1; ++i) body(k, i, j);
         }
       }
     });
@@ -132,7 +127,6 @@ class CollapseSolver final : public Solver {
   std::vector<double> row_values_;
   FractionAdvection fraction_advection_;
   StrainRate strain_;
-  Factor factor_;
 
   ViscousLevel<double> viscous_;
   PoissonLevel<double> poisson_;

@@ -3,12 +3,10 @@
 // A coarse face coincides with a pair of fine faces: velocities are interpolated linearly along
 // their own direction and bilinearly (3/4, 1/4) across it, which carries rigid motion over exactly.
 // Across a side, the ghost value is minus the velocity on a no-slip wall and equal to it elsewhere.
-// Above an opening it is between both, in proportion to the open share of the coarse floor.
 // Restriction is the transpose of interpolation.
 #pragma once
 
-#include <vector>
-
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -22,16 +20,9 @@ S side_weight(Side side) {
   return side == Side::no_slip ? S(0.5) : side == Side::periodic ? S(0.75) : S(1);
 }
 
-// What an opening adds to the weight of the wall, which is `wall`: it has 1.
-template <class S>
-S opening_weight(S wall, const Grid& coarse, int I) {
-  return S(coarse.open_share_at_corner(I)) * (S(1) - wall);
-}
-
 template <class S>
 void prolong_u(const Field<S>& coarse, Field<S>& fine, const Grid& grid, Team& team) {
   const int half_x = grid.nx / 2, half_y = grid.ny / 2;
-  const Grid coarse_grid = grid.coarser();
   team.rows(0, grid.ny, grid.nx, [&](int j0, int j1) {
     std::vector<S> mean(static_cast<std::size_t>(half_x) + 2);
     for (int j = j0; j < j1; ++j) {
@@ -42,9 +33,6 @@ void prolong_u(const Field<S>& coarse, Field<S>& fine, const Grid& grid, Team& t
       const S* a = coarse.row(J);
       const S* b = coarse.row(next);
       for (int I = 0; I <= half_x; ++I) mean[I] = own * a[I] + other * b[I];
-      for (int I = 0; I <= half_x && next < 0 && grid.has_opening(); ++I) {
-        mean[I] += opening_weight(own, coarse_grid, I) * a[I];
-      }
       if (grid.periodic()) mean[half_x] = mean[0];
       S* out = fine.row(j);
       for (int I = 0; I < half_x; ++I) {
@@ -59,8 +47,7 @@ void prolong_u(const Field<S>& coarse, Field<S>& fine, const Grid& grid, Team& t
 template <class S>
 void restrict_u(const Field<S>& fine, Field<S>& coarse, const Grid& grid, Team& team) {
   const int half_y = grid.ny / 2;
-  const Grid coarse_grid = grid.coarser();
-  const Range range = coarse_grid.u_faces();
+  const Range range = grid.coarser().u_faces();
   team.rows(0, half_y, grid.nx * 2, [&](int j0, int j1) {
     std::vector<S> sums(static_cast<std::size_t>(grid.nx) + 4);
     S* sum = sums.data() + 1;  // index -1 .. nx + 1
@@ -82,12 +69,6 @@ void restrict_u(const Field<S>& fine, Field<S>& coarse, const Grid& grid, Team& 
       for (int I = range.i0; I < range.i1; ++I) {
         out[I] = sum[2 * I] + S(0.5) * (sum[2 * I - 1] + sum[2 * I + 1]);
       }
-      if (!first || !grid.has_opening()) continue;
-      for (int I = range.i0; I < range.i1; ++I) {
-        const S before = I > 0 ? a[2 * I - 1] : grid.periodic() ? a[grid.nx - 1] : S(0);
-        const S after = I < grid.nx / 2 ? a[2 * I + 1] : S(0);
-        out[I] += opening_weight(w0, coarse_grid, I) * (a[2 * I] + S(0.5) * (before + after));
-      }
     }
   });
 }
@@ -97,7 +78,6 @@ void prolong_v(const Field<S>& coarse, Field<S>& fine, const Grid& grid, Team& t
   const int half_x = grid.nx / 2;
   const S w_left = side_weight<S>(grid.left), w_right = side_weight<S>(grid.right);
   const S other = grid.periodic() ? S(0.25) : S(0);
-  const Columns open = grid.v_faces().floor;
   team.rows(0, grid.ny + 1, grid.nx, [&](int j0, int j1) {
     std::vector<S> mean(static_cast<std::size_t>(half_x) + 2);
     for (int j = j0; j < j1; ++j) {
@@ -112,9 +92,7 @@ void prolong_v(const Field<S>& coarse, Field<S>& fine, const Grid& grid, Team& t
         out[2 * I + 2] = S(0.75) * mean[I + 1] + S(0.25) * mean[I];
       }
       out[grid.nx - 1] = w_right * mean[last] + other * mean[0];
-      for (int i = 0; i < grid.nx && j == 0; ++i) {  // the walls beside an opening
-        if (i < open.i0 || i >= open.i1) out[i] = S(0);
-      }
+      if (j == 0) std::fill_n(out, grid.nx, S(0));  // the floor
     }
   });
 }
@@ -135,8 +113,7 @@ void restrict_v(const Field<S>& fine, Field<S>& coarse, const Grid& grid, Team& 
       sum[-1] = grid.periodic() ? sum[grid.nx - 1] : S(0);
       sum[grid.nx] = grid.periodic() ? sum[0] : S(0);
       S* out = coarse.row(J);
-      const Columns columns = range.columns(J);
-      for (int I = columns.i0; I < columns.i1; ++I) {
+      for (int I = range.i0; I < range.i1; ++I) {
         const S w0 = I == 0 ? w_left : S(0.75), w1 = I == half_x - 1 ? w_right : S(0.75);
         out[I] =
             w0 * sum[2 * I] + w1 * sum[2 * I + 1] + S(0.25) * (sum[2 * I - 1] + sum[2 * I + 2]);

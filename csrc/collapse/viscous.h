@@ -4,9 +4,7 @@
 //   cell(i, j)      2 eta at the center: the normal stresses 2 eta u_x, 2 eta v_y
 //   corner(i, j)    eta at the lower left corner: the shear stress eta (u_y + v_x);
 //                   0 on free-slip and open sides, and doubled on no-slip walls, where the
-//                   velocity vanishes half a cell away (ghost values are 0). At the ends of an
-//                   opening in a floor without slip it is the mean of both: such a corner joins
-//                   half a cell of wall and half a cell of opening
+//                   velocity vanishes half a cell away (ghost values are 0)
 //   mass[0], [1]    rho h^2 / dt at u and v faces, half of it on open sides, and the drag of side
 //                   walls (side_walls.h)
 #pragma once
@@ -72,12 +70,11 @@ struct ViscousLevel {
       if (j >= vr.j0 && j < vr.j1) {
         const S* v = x[1].row(j);
         const S* m = mass[1].row(j);
-        const Columns columns = vr.columns(j);
         GRANPINN_INDEPENDENT
-        for (int i = columns.i0; i < columns.i1; ++i) {
+        for (int i = vr.i0; i < vr.i1; ++i) {
           av[i] = m[i] * v[i] - (normal_y[i] - normal_y_below[i] + shear[i + 1] - shear[i]);
         }
-        emit(1, j, columns.i0, columns.i1, av);
+        emit(1, j, vr.i0, vr.i1, av);
       }
       std::swap(normal_y, normal_y_below);
       std::swap(shear, shear_above);
@@ -97,9 +94,6 @@ struct ViscousLevel {
         const S* eta = corner_eta.row(j);
         S* out = corner.row(j);
         for (int i = 0; i <= grid.nx; ++i) out[i] = row_factor * eta[i];
-        for (int i = 0; i <= grid.nx && j == 0 && grid.has_opening(); ++i) {
-          out[i] *= S(1 - grid.open_share_at_corner(i));
-        }
         if (!grid.periodic()) {
           out[0] *= factor(grid.left);
           out[grid.nx] *= factor(grid.right);
@@ -113,8 +107,7 @@ struct ViscousLevel {
           inverse[0](i, j) = S(1) / (mass[0](i, j) + cell(i, j) + cell(i - 1, j) + corner(i, j) +
                                      corner(i, j + 1));
         }
-        const Columns columns = vr.columns(j);
-        for (int i = columns.i0; i < columns.i1 && j >= vr.j0 && j < vr.j1; ++i) {
+        for (int i = vr.i0; i < vr.i1 && j >= vr.j0 && j < vr.j1; ++i) {
           inverse[1](i, j) = S(1) / (mass[1](i, j) + cell(i, j) + cell(i, j - 1) + corner(i, j) +
                                      corner(i + 1, j));
         }
@@ -168,8 +161,7 @@ struct ViscousLevel {
     for (int k = 0; k < 2; ++k) {
       const Range r = range(k);
       for (int j = r.j0; j < r.j1; ++j) {
-        const Columns columns = r.columns(j);
-        for (int i = columns.i0; i < columns.i1; ++i) {
+        for (int i = r.i0; i < r.i1; ++i) {
           values[index(k, i, j)] = static_cast<double>(b[k](i, j));
         }
       }
@@ -178,8 +170,7 @@ struct ViscousLevel {
     for (int k = 0; k < 2; ++k) {
       const Range r = range(k);
       for (int j = r.j0; j < r.j1; ++j) {
-        const Columns columns = r.columns(j);
-        for (int i = columns.i0; i < columns.i1; ++i) {
+        for (int i = r.i0; i < r.i1; ++i) {
           x[k](i, j) = static_cast<S>(values[index(k, i, j)]);
         }
       }
@@ -217,8 +208,7 @@ struct ViscousLevel {
   int index(int k, int i, int j) const { return 2 * (j * (grid.nx + 1) + i) + k; }
   bool is_unknown(int k, int i, int j) const {
     const Range r = range(k);
-    const Columns columns = r.columns(j);
-    return i >= columns.i0 && i < columns.i1 && j >= r.j0 && j < r.j1;
+    return i >= r.i0 && i < r.i1 && j >= r.j0 && j < r.j1;
   }
   // Adds eta s s^T, s the signs of the velocities in `terms`; unknowns on walls are left out.
   void add_term(BandMatrix& matrix, S eta, std::vector<Term> terms) const {

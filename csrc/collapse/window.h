@@ -17,15 +17,9 @@ inline int window_size(int occupied, int present, int box, const Parameters& s) 
 }
 
 inline Grid window_grid(int nx, int ny, const Parameters& s) {
-  const bool all_open = s.bottom == Side::open;
-  return {nx,
-          ny,
-          s.left,
-          nx == s.cells_x ? s.right : Side::open,
-          s.bottom,
-          ny == s.cells_y ? s.top : Side::open,
-          all_open ? 0.0 : std::min(s.open_from, nx),
-          all_open ? double(nx) : std::min(s.open_to, nx)};
+  return {nx,       ny,
+          s.left,   nx == s.cells_x ? s.right : Side::open,
+          s.bottom, ny == s.cells_y ? s.top : Side::open};
 }
 
 // Columns and rows of a box or window of nx x ny cells that hold grains, c(i, j) of a cell.

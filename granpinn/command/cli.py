@@ -59,7 +59,7 @@ VERBS = {
         "granpinn collect runs --out table.csv",
     ),
     "simulate": Verb(
-        "simulate a collapse, a chute or a silo with a known friction law, to a flow file",
+        "simulate a collapse or a chute with a known friction law, to a flow file",
         "granpinn simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5",
     ),
     "doctor": Verb(

@@ -40,7 +40,6 @@ NEEDED_FLAGS = {
 LARGEST_ERROR = {"float64": 1e-8, "float32": 1e-3}  # of the kernels, relative L2
 EXTRAS = {
     "lavision": ("lvpyio",),
-    "mesh": ("pyvista",),
     "film": ("cv2",),
     "test": ("pytest", "hypothesis", "sympy", "h5netcdf", "pandas", "psutil", "yaml"),
     "docs": ("mkdocs", "material", "mkdocstrings_handlers", "latex2mathml"),

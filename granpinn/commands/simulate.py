@@ -3,8 +3,7 @@
 Exit codes: 0 done; 2 bad input; 1 a solve did not converge; 129, 130, 143 stopped by SIGHUP,
 SIGINT, SIGTERM, with the frames so far in the flow file if there are two.
 
-The first word is the scene: `collapse`, which is also the scene without a word, `chute` or
-`silo`.
+The first word is the scene: `collapse`, which is also the scene without a word, or `chute`.
 
 In Python, `granpinn.simulate(mu_s=0.4, mu_2=0.64)` is `granpinn.simulation.simulate`.
 """
@@ -26,7 +25,7 @@ from granpinn.command.parser import Parser
 from granpinn.config import ConfigError, settings_of
 from granpinn.config.fields import Setting, flag_of
 from granpinn.output import objection_to_file
-from granpinn.simulation import Chute, Collapse, Scene, Silo, simulate
+from granpinn.simulation import Chute, Collapse, Scene, simulate
 from granpinn.simulation.run import lines
 
 EXAMPLES = """examples:
@@ -42,18 +41,16 @@ EXAMPLES = """examples:
   python -m granpinn.simulate chute --slope 24 --height 0.04 --g 9.81 --density 1550 --d 0.001 \\
       --length-unit m --time-unit s --out chute.h5
       a layer 40 mm deep that starts from rest on a slope of 24 degrees
-  python -m granpinn.simulate silo --width 40 --height 60 --outlet 12 --d 1 --out silo.h5
-      a silo that empties through an opening 12 grains wide
 
 Ctrl-C stops and leaves a valid file with the frames so far, if there are two."""
-SCENES: dict[str, type[Scene]] = {"collapse": Collapse, "chute": Chute, "silo": Silo}
+SCENES: dict[str, type[Scene]] = {"collapse": Collapse, "chute": Chute}
 
 
 def parser() -> Parser:
     made = Parser(
         "simulate",
-        "[collapse|chute|silo] --out FLOW.h5 [settings]",
-        "Simulate a collapse, a chute or a silo of grains with a known friction law.",
+        "[collapse|chute] --out FLOW.h5 [settings]",
+        "Simulate a collapse or a chute of grains with a known friction law.",
         EXAMPLES,
     )
     made.add_argument(
@@ -62,8 +59,7 @@ def parser() -> Parser:
         default="collapse",
         choices=tuple(SCENES),
         metavar="SCENE",
-        help="collapse: a column that is released (the default); chute: a layer on a slope; "
-        "silo: grains that leave through an opening in the floor",
+        help="collapse: a column that is released (the default); chute: a layer on a slope",
     )
     made.add_argument("--out", type=Path, metavar="FLOW.h5", help="the flow file to write")
     made.add_settings(_settings())

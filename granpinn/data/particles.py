@@ -13,7 +13,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Index, nearest
 from granpinn.data.flow import Flow, FlowFileError, Particles
-from granpinn.data.schema import check_layout, particle_arrays_of
+from granpinn.data.schema import check_layout, check_ranges, particle_arrays_of
 from granpinn.declared import checked
 
 # A cell is this many times wider than the usual distance to the nearest grain.
@@ -44,7 +44,14 @@ def grid_view(particles: Particles) -> dict[str, Any]:
     Raises:
         FlowFileError: the vectors do not span a time and an area.
     """
-    check_particles(particles)
+    arrays = particle_arrays_of(particles)
+    check_layout(arrays)
+    check_ranges(arrays)
+    if (particles.sigma_u is None) != (particles.sigma_v is None):
+        raise FlowFileError(
+            "particles/sigma_u and particles/sigma_v must come together, got only one of them: "
+            "add the other or leave both out"
+        )
     t = np.unique(particles.t)
     if t.size > MAX_FRAMES:
         t = np.linspace(t[0], t[-1], MAX_FRAMES)
@@ -66,28 +73,6 @@ def grid_view(particles: Particles) -> dict[str, Any]:
 
     c = np.stack([closed(frame > 0) for frame in count.reshape(shape)]).astype(np.float32)
     return {"t": t, "y": y, "x": x, "u": means(particles.u), "v": means(particles.v), "c": c}
-
-
-def check_particles(particles: Particles) -> None:
-    """Raises FlowFileError if shapes or types are wrong, or a value is impossible."""
-    check_layout(particle_arrays_of(particles))
-    for name, values in vars(particles).items():
-        if values is None:
-            continue
-        good = np.isfinite(values)
-        if name.startswith("sigma"):
-            good &= values > 0
-        if not good.all():
-            wanted = "positive and finite" if name.startswith("sigma") else "finite"
-            raise FlowFileError(
-                f"particles/{name} must be {wanted}, got {values[~good][0]:g} at index "
-                f"{int(np.argmin(good))}: leave out the vectors that are not valid"
-            )
-    if (particles.sigma_u is None) != (particles.sigma_v is None):
-        raise FlowFileError(
-            "particles/sigma_u and particles/sigma_v must come together, got only one of them: "
-            "add the other or leave both out"
-        )
 
 
 def closed(occupied: Bool) -> Bool:

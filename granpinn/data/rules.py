@@ -1,36 +1,62 @@
 """The rules for the numbers of a flow, each with one error that names the dataset and the remedy.
 
-The rules for shapes and types are in `schema.py`.
+The table of `schema.py` has the shape, the type and the range of every dataset. Here are the ranges
+of attributes, and what must fit together.
 """
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
-from granpinn.data.constants import check_constants_of
 from granpinn.data.flow import (
     LARGEST,
+    LEAST,
     PERIOD_X,
+    SOLVER_CELL,
+    SOLVER_MEAN,
     STEADY,
     SURFACE_SD,
+    WALL_GAP,
+    WINDOW,
     Flow,
     FlowFileError,
     Surface,
+    Truth,
+    Walls,
 )
 from granpinn.data.large import slabs
-from granpinn.data.particles import check_particles
 from granpinn.data.scaling import initial_height
-from granpinn.data.schema import arrays_of, check_layout, grid_arrays_of
-from granpinn.data.wall_rules import check_walls
+from granpinn.data.schema import (
+    TRUTH,
+    arrays_of,
+    check_layout,
+    check_range,
+    check_ranges,
+    grid_arrays_of,
+)
+from granpinn.data.walls import segments_of
 from granpinn.declared import checked
 
-# Volume fractions of a solver exceed 0..1 by rounding errors; a larger excess is a mistake.
-FRACTION_TOLERANCE = 1e-6
+LONGEST_UNIT = 64  # characters
+# Lengths that mean something for the training, and others that second opinions take as sizes.
+LENGTHS = (WALL_GAP, SURFACE_SD, PERIOD_X, WINDOW)
+STATED = (
+    *("box_width", "box_height", "domain_size", "column_width", "column_height"),
+    *(SOLVER_CELL, SOLVER_MEAN, "air_density", "air_viscosity", "cohesion"),
+)
+MAY_BE_ZERO = (SURFACE_SD, *STATED)
 # Largest rounding of a coordinate, in units of its smallest step.
 LARGEST_ROUNDING = 0.01
 # Largest distance of surface points from the cell centers: part of their extent, or cells.
 SURFACE_MARGIN, SURFACE_CELLS = 0.1, 1.0
+# Farthest point of a wall from the grid, in units of the grid's extent: a wall may be much longer
+# than the picture, but one in other units is far away.
+WALL_MARGIN = 10.0
+MOST_WALL_POINTS = 100_000
 
 
 @checked
@@ -43,41 +69,96 @@ def check_flow(flow: Flow) -> None:
 
 def check_values(flow: Flow) -> None:
     """Checks the numbers of a flow that has passed `check_layout`."""
-    check_constants_of(flow)
+    _check_constants(flow)
+    arrays = arrays_of(flow) | grid_arrays_of(flow)
+    check_ranges({name: a for name, a in arrays.items() if a.ndim == 1})
+    for frames in slabs(flow):
+        check_ranges({name: a[frames] for name, a in arrays.items() if a.ndim == 3})
     for name, values in (("t", flow.t), ("y", flow.y), ("x", flow.x)):
-        _check_coordinate(name, values)
+        _check_steps(name, values)
     _check_symmetries(flow)
-    _check_fraction(flow)
-    _check_sizes(flow)
+    _check_grains(flow)
     _check_velocity(flow)
-    if flow.p is not None and not all(
-        np.isfinite(flow.p[k][flow.c[k] >= 1]).all() for k in slabs(flow)
-    ):
-        raise FlowFileError(
-            "p must be finite where c = 1, got NaN or infinity: give the reference pressure at "
-            "every point with grains or leave p out"
-        )
     _check_sigma(flow)
-    if flow.particles is not None:
-        check_particles(flow.particles)
     if flow.surface is not None:
         _check_surface(flow, flow.surface)
     if flow.walls is not None:
-        check_walls(flow, flow.walls)
+        _check_walls(flow, flow.walls)
 
 
-def _check_coordinate(name: str, values: Float64) -> None:
-    if not np.isfinite(values).all():
+def check_constants(**constants: Any) -> None:
+    """Checks the fields of a Flow that are no arrays, before there are any arrays.
+
+    Raises:
+        FlowFileError: one breaks a rule.
+    """
+    nothing = np.empty(0)
+    arrays: dict[str, Any] = dict.fromkeys(("t", "y", "x", "u", "v", "c"), nothing)
+    _check_constants(Flow(**arrays, **constants))
+
+
+def _check_constants(flow: Flow) -> None:
+    """Numbers and texts that are no arrays."""
+    for name in ("length_unit", "time_unit", "density_unit"):
+        unit = getattr(flow, name)
+        if unit is not None and not (
+            unit.isprintable() and 0 < len(unit) <= LONGEST_UNIT and "since" not in unit
+        ):
+            raise FlowFileError(
+                f"{name} must be the name of a unit, 1 to {LONGEST_UNIT} printable characters and "
+                f"no date, got {unit[:LONGEST_UNIT]!r} of {len(unit)}: write '1' for a "
+                "dimensionless flow"
+            )
+    for name, value in flow.attributes.items():
+        if not name.isidentifier() or not isinstance(value, str | int | float | np.number):
+            raise FlowFileError(
+                f"the attribute {name!r} must be one number or text under a plain name, got "
+                f"{type(value).__name__}: change it or leave it out"
+            )
+    for name in {*LENGTHS, *STATED} & flow.attributes.keys():
+        value = flow.attributes[name]
+        if isinstance(value, str) and name in LENGTHS:
+            raise FlowFileError(
+                f"the attribute {name} must be a length, got {value!r}: correct it or leave it out"
+            )
+        if not isinstance(value, str) and not (value == 0 and name in MAY_BE_ZERO):
+            check_range(f"the attribute {name}", value, LEAST, LARGEST)
+    steady = flow.attributes.get(STEADY, 0)
+    if steady not in (0, 1):
         raise FlowFileError(
-            f"{name} must be finite, got NaN or infinity at index "
-            f"{int(np.argmin(np.isfinite(values)))}: correct the coordinate"
+            f"the attribute {STEADY} must be 1 in a steady flow and 0 in any other, got "
+            f"{steady!r}: correct it or leave it out"
         )
-    if (np.abs(values) > LARGEST).any():
-        i = int(np.argmax(np.abs(values)))
+    truth = flow.truth or Truth()
+    positive = {n: getattr(flow, n) for n in ("density", "grain_diameter", "grain_density")}
+    positive |= {
+        "eta_max": flow.eta_max,
+        **{n: getattr(truth, field) for n, field in TRUTH.items()},
+    }
+    for name, value in positive.items():
+        if value is not None:
+            check_range(name, value, LEAST, LARGEST)
+    if flow.grain_density is not None and flow.grain_density < flow.density:
         raise FlowFileError(
-            f"{name} must be from {-LARGEST:g} to {LARGEST:g}, got {values[i]:g} at index {i}: "
-            "check its unit"
+            f"grain_density must be at least density, the bulk density {flow.density:g}, got "
+            f"{flow.grain_density:g}: density is grain_density times the solid fraction"
         )
+    if flow.eta_min is not None and not 0 <= flow.eta_min < (flow.eta_max or math.inf):
+        raise FlowFileError(
+            f"eta_min must be at least 0 and below eta_max, got {flow.eta_min:g}: correct this "
+            "attribute or leave it out"
+        )
+    gravity = flow.gravity
+    size = max(map(abs, gravity), default=0.0)
+    if len(gravity) != 2 or not all(map(math.isfinite, gravity)) or not LEAST <= size <= LARGEST:
+        raise FlowFileError(
+            f"gravity must be two finite numbers (g_x, g_y), not both 0, got "
+            f"{[float(g) for g in gravity]}: correct this attribute"
+        )
+
+
+def _check_steps(name: str, values: Float64) -> None:
+    """A coordinate increases, by more than its rounding."""
     steps = np.diff(values)
     if not (steps > 0).all():
         i = int(np.argmin(steps > 0))
@@ -111,29 +192,20 @@ def _check_symmetries(flow: Flow) -> None:
         )
 
 
-def _check_fraction(flow: Flow) -> None:
+def _check_grains(flow: Flow) -> None:
+    """There are grains from the first frame on, higher than one grain."""
     parts = [flow.c[k] for k in slabs(flow)]
-    lowest = float(np.min([c.min() for c in parts]))  # NaN if there is one
-    highest = float(np.max([c.max() for c in parts]))
-    if not (lowest >= -FRACTION_TOLERANCE and highest <= 1 + FRACTION_TOLERANCE):
-        raise FlowFileError(
-            f"c must be a volume fraction from 0 to 1 everywhere, got {lowest:g} to "
-            f"{highest:g}: use 0 where there are no grains"
-        )
     grains = np.concatenate([_in_any_cell(c >= 1) for c in parts])
     if not grains.any():
         raise FlowFileError(
             f"c must be 1 where there are only grains, got no such point (largest value "
-            f"{highest:g}): set c to exactly 1 inside the material"
+            f"{max(float(c.max()) for c in parts):g}): set c to exactly 1 inside the material"
         )
     if not grains[0]:
         raise FlowFileError(
             "c must be 1 at some point of the first frame, whose height of grains sets the "
             "length scale, got none: leave out the frames before the grains are seen"
         )
-
-
-def _check_sizes(flow: Flow) -> None:
     height = initial_height(flow)
     sizes = {"grain_diameter": flow.grain_diameter}
     sizes |= {f"the attribute {SURFACE_SD}": flow.stated(SURFACE_SD) or 0.0}
@@ -151,14 +223,8 @@ def _in_any_cell(mask: Bool) -> Bool:
 
 
 def _check_velocity(flow: Flow) -> None:
+    """Vectors have both components, and are there in every frame; a pressure is there in grains."""
     parts = slabs(flow)
-    for name, values in (("u", flow.u), ("v", flow.v)):
-        infinite = sum(int(np.isinf(values[k]).sum()) for k in parts)
-        if infinite:
-            raise FlowFileError(
-                f"{name} must be finite, or NaN where there is no valid vector, got infinity at "
-                f"{infinite} of {values.size} points: set u and v to NaN there"
-            )
     one_sided = sum(int((np.isnan(flow.u[k]) != np.isnan(flow.v[k])).sum()) for k in parts)
     if one_sided:
         raise FlowFileError(
@@ -173,6 +239,11 @@ def _check_velocity(flow: Flow) -> None:
             f"{int(empty.sum())} of {len(empty)} frames (first: t = {flow.t[first]:g}): "
             "leave these frames out"
         )
+    if flow.p is not None and any(np.isnan(flow.p[k][flow.c[k] >= 1]).any() for k in parts):
+        raise FlowFileError(
+            "p must be finite where c = 1, got NaN: give the reference pressure at every point "
+            "with grains or leave p out"
+        )
 
 
 def _without_vectors(flow: Flow, frames: slice) -> Bool:
@@ -182,54 +253,120 @@ def _without_vectors(flow: Flow, frames: slice) -> Bool:
 
 
 def _check_sigma(flow: Flow) -> None:
+    """Standard deviations come in pairs, and are positive at every valid vector."""
     pair = {"sigma_u": flow.sigma_u, "sigma_v": flow.sigma_v}
     missing = [name for name, sigma in pair.items() if sigma is None]
     if len(missing) == 1:
         raise FlowFileError(
             f"sigma_u and sigma_v must come together, got no {missing[0]}: add it or leave both out"
         )
+    remedy = "give the standard deviation of every valid vector, or leave sigma_u and sigma_v out"
     for name, sigma in pair.items():
-        if sigma is None:
-            continue
-        for k in slabs(flow):
-            used = np.asarray(sigma)
-            if isinstance(sigma, np.ndarray):
-                used = sigma[k][flow.valid_in(k)]
-            if not (np.isfinite(used) & (used > 0)).all():
-                raise FlowFileError(
-                    f"{name} must be positive and finite at every valid vector, got "
-                    f"{float(used.min()):g} as the least: give the standard deviation of the "
-                    "measurement or leave sigma_u and sigma_v out"
-                )
+        if isinstance(sigma, np.ndarray):
+            for k in slabs(flow):
+                check_range(name, sigma[k][flow.valid_in(k)], LEAST, LARGEST, remedy=remedy)
+        elif sigma is not None:
+            check_range(name, sigma, LEAST, LARGEST, remedy=remedy)
 
 
 def _check_surface(flow: Flow, surface: Surface) -> None:
-    grid = {"t": flow.t, "x": flow.x, "y": flow.y}
-    parts = {"t": surface.t, "x": surface.x, "y": surface.y, "p": surface.p}
-    for name, values in parts.items():
-        if values is None:
+    """The line lies within the grid, in numbers as precise as its steps."""
+    for name in ("t", "x", "y"):
+        values, grid = getattr(surface, name), getattr(flow, name)
+        if name == "t" and flow.steady:
             continue
-        if not np.isfinite(values).all():
-            raise FlowFileError(
-                f"surface_{name} must be finite, got NaN or infinity at index "
-                f"{int(np.argmin(np.isfinite(values)))}: leave this surface point out"
-            )
-        if name == "p" or (name == "t" and flow.steady):
-            continue
-        step, far = float(np.diff(grid[name]).min()), float(np.abs(values).max())
-        with np.errstate(over="ignore"):
-            rounded = far * 2.0**-23 > step and np.array_equal(values, values.astype(np.float32))
-        if rounded:
+        step, far = float(np.diff(grid).min()), float(np.abs(values).max())
+        if far * 2.0**-23 > step and np.array_equal(values, values.astype(np.float32)):
             raise FlowFileError(
                 f"surface_{name} must be as precise as {name}, got numbers of float32 around "
                 f"{far:g} for steps of {step:g}: store surface_{name} as float64"
             )
-        low, high = grid[name][0], grid[name][-1]
-        cell = float(np.median(np.diff(grid[name])))
-        margin = max(SURFACE_MARGIN * (high - low), SURFACE_CELLS * cell)
-        if values.min() < low - margin or values.max() > high + margin:
-            raise FlowFileError(
-                f"surface_{name} must lie within {name}, {low:g} to {high:g}, got "
-                f"{values.min():g} to {values.max():g}: check its unit, or leave out the points "
-                "outside the grid"
-            )
+        cell = float(np.median(np.diff(grid)))
+        margin = max(SURFACE_MARGIN * (grid[-1] - grid[0]), SURFACE_CELLS * cell)
+        _check_within(f"surface_{name}", values, name, grid, margin)
+
+
+def _check_within(what: str, values: Float64, name: str, grid: Float64, margin: float) -> None:
+    """Values lie between the ends of a coordinate, or beyond by a margin."""
+    low, high = float(grid[0]), float(grid[-1])
+    if values.min() < low - margin or values.max() > high + margin:
+        raise FlowFileError(
+            f"{what} must lie within {name}, {low:g} to {high:g}, or at most {margin:g} beyond, "
+            f"got {values.min():g} to {values.max():g}: check its unit or leave out the rest"
+        )
+
+
+def _check_walls(flow: Flow, walls: Walls) -> None:
+    m, parts = walls.x.size, np.isnan(walls.x)
+    if m > MOST_WALL_POINTS:
+        raise FlowFileError(
+            f"wall_x must hold at most {MOST_WALL_POINTS} points, got {m}: a straight wall needs "
+            "its two ends only"
+        )
+    if not np.array_equal(parts, np.isnan(walls.y)):
+        raise FlowFileError(
+            "wall_x and wall_y must be NaN at the same points, where two pieces of wall part, got "
+            f"NaN in one of them alone at index {int(np.argmax(parts != np.isnan(walls.y)))}: "
+            "set both to NaN or neither"
+        )
+    _check_pieces(parts, np.stack([walls.x, walls.y], 1))
+    for name in ("x", "y"):
+        grid = getattr(flow, name)
+        margin = WALL_MARGIN * float(grid[-1] - grid[0])
+        _check_within(f"wall_{name}", getattr(walls, name)[~parts], name, grid, margin)
+    slip = walls.slip
+    if slip is not None and not np.isin(slip[~parts], (0.0, 1.0)).all():
+        wrong = slip[~parts][~np.isin(slip[~parts], (0.0, 1.0))][0]
+        raise FlowFileError(
+            "wall_slip must be 0 where grains move with the wall and 1 where they may slip along "
+            f"it, got {wrong:g}: correct it"
+        )
+    _check_times(flow, walls, parts)
+    _check_length(flow, walls)
+
+
+def _check_pieces(parts: Bool, place: Float64) -> None:
+    """Every piece needs two points [m, 2] that differ."""
+    piece, moves = np.cumsum(parts), (place[1:] != place[:-1]).any(axis=1)
+    moves &= ~parts[1:] & ~parts[:-1]
+    bare = np.flatnonzero(~parts & ~np.isin(piece, piece[1:][moves]))
+    if bare.size or parts.all():
+        raise FlowFileError(
+            "every piece of a wall must have at least two points that differ, got none in that at "
+            f"index {bare[0] if bare.size else 0} of wall_x: give both ends of the wall, and NaN "
+            "between two pieces only"
+        )
+
+
+def _check_length(flow: Flow, walls: Walls) -> None:
+    """Every spacing of a wall becomes a point of the training, in every frame."""
+    segments = segments_of(walls)
+    stays = np.isnan(segments.t)
+    _, number = np.unique(segments.t[~stays], return_inverse=True)
+    moving = np.bincount(number, segments.length[~stays], minlength=1)
+    longest = float(segments.length[stays].sum() + moving.max())
+    spacing = max(flow.spacing)
+    if longest > MOST_WALL_POINTS * spacing:
+        raise FlowFileError(
+            f"wall_x and wall_y must be lines of at most {MOST_WALL_POINTS} times the grid spacing "
+            f"{spacing:g} at any one time, all together, got {longest:g}: leave out what no grains "
+            "touch, and lines that go to and fro"
+        )
+
+
+def _check_times(flow: Flow, walls: Walls, parts: Bool) -> None:
+    """A piece has one time, or none; times lie near those of the flow."""
+    if walls.t is None:
+        return
+    t = walls.t
+    inside = ~parts[1:] & ~parts[:-1]
+    same = (t[1:] == t[:-1]) | (np.isnan(t[1:]) & np.isnan(t[:-1]))
+    if (inside & ~same).any():
+        k = int(np.argmax(inside & ~same))
+        raise FlowFileError(
+            f"wall_t must be the same at all points of a piece, got {t[k]:g} then {t[k + 1]:g} at "
+            f"index {k}: put NaN into wall_x and wall_y between pieces of different times"
+        )
+    known = t[~parts & ~np.isnan(t)]
+    if known.size and not flow.steady:
+        _check_within("wall_t", known, "t", flow.t, float(flow.t[-1] - flow.t[0]))

@@ -1,4 +1,4 @@
-"""The schema of the flow file, version 1: a table of datasets with shapes, types and units.
+"""The schema of the flow file, version 1: a table of datasets with shapes, types, units, bounds.
 
 The reader, the writer and the checks of flows in memory all use this table. Axes: T times, Y rows,
 X columns, N scattered vectors, n points of the free surface, m points of walls. A file has either
@@ -16,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.data.flow import (
+    LARGEST,
+    LEAST,
     PERIOD_X,
     STEADY,
     SURFACE_SD,
@@ -43,6 +45,8 @@ class DatasetRule(NamedTuple):
         dtypes: that it may have in a file.
         dtype: in memory; None: as in the file.
         quantity: whose unit it has.
+        low, high: the range of its values.
+        gaps: whether NaN stands where there is no value.
     """
 
     name: str
@@ -51,6 +55,9 @@ class DatasetRule(NamedTuple):
     dtype: str | None
     quantity: str
     required: bool = False
+    low: float = -LARGEST
+    high: float = LARGEST
+    gaps: bool = False
 
     def __str__(self) -> str:
         return f"{' or '.join(self.dtypes)} [{', '.join(self.axes)}]"
@@ -59,6 +66,10 @@ class DatasetRule(NamedTuple):
 PARTICLES = "particles"
 _GRID, _N, _SURFACE, _WALL = ("T", "Y", "X"), ("N",), ("n",), ("m",)
 _SINGLE, _DOUBLE = ("float32",), ("float64",)
+# Volume fractions of a solver exceed 0..1 by rounding errors; a larger excess is a mistake.
+FRACTION_TOLERANCE = 1e-6
+_FRACTION: dict[str, Any] = {"low": -FRACTION_TOLERANCE, "high": 1 + FRACTION_TOLERANCE}
+_SD: dict[str, Any] = {"low": LEAST}
 # A velocity keeps its type: rounded to float32 in other units, it would be another number.
 _BOTH = (*_SINGLE, *_DOUBLE)
 
@@ -66,12 +77,12 @@ GRID_DATASETS = (
     DatasetRule("t", ("T",), _DOUBLE, "float64", "time", True),
     DatasetRule("y", ("Y",), _DOUBLE, "float64", "length", True),
     DatasetRule("x", ("X",), _DOUBLE, "float64", "length", True),
-    DatasetRule("c", _GRID, _SINGLE, "float32", "fraction", True),
-    DatasetRule("u", _GRID, _BOTH, None, "velocity", True),
-    DatasetRule("v", _GRID, _BOTH, None, "velocity", True),
-    DatasetRule("p", _GRID, _SINGLE, "float32", "pressure"),
-    DatasetRule("sigma_u", _GRID, _SINGLE, "float32", "velocity"),
-    DatasetRule("sigma_v", _GRID, _SINGLE, "float32", "velocity"),
+    DatasetRule("c", _GRID, _SINGLE, "float32", "fraction", True, **_FRACTION),
+    DatasetRule("u", _GRID, _BOTH, None, "velocity", True, gaps=True),
+    DatasetRule("v", _GRID, _BOTH, None, "velocity", True, gaps=True),
+    DatasetRule("p", _GRID, _SINGLE, "float32", "pressure", gaps=True),
+    DatasetRule("sigma_u", _GRID, _SINGLE, "float32", "velocity", gaps=True),
+    DatasetRule("sigma_v", _GRID, _SINGLE, "float32", "velocity", gaps=True),
 )
 PARTICLE_DATASETS = (
     DatasetRule(f"{PARTICLES}/t", _N, _DOUBLE, "float64", "time", True),
@@ -79,8 +90,8 @@ PARTICLE_DATASETS = (
     DatasetRule(f"{PARTICLES}/y", _N, _DOUBLE, "float64", "length", True),
     DatasetRule(f"{PARTICLES}/u", _N, _BOTH, None, "velocity", True),
     DatasetRule(f"{PARTICLES}/v", _N, _BOTH, None, "velocity", True),
-    DatasetRule(f"{PARTICLES}/sigma_u", _N, _SINGLE, "float32", "velocity"),
-    DatasetRule(f"{PARTICLES}/sigma_v", _N, _SINGLE, "float32", "velocity"),
+    DatasetRule(f"{PARTICLES}/sigma_u", _N, _SINGLE, "float32", "velocity", **_SD),
+    DatasetRule(f"{PARTICLES}/sigma_v", _N, _SINGLE, "float32", "velocity", **_SD),
 )
 SURFACE_DATASETS = (
     DatasetRule("surface_t", _SURFACE, ("float64", "float32"), "float64", "time"),
@@ -89,14 +100,14 @@ SURFACE_DATASETS = (
     DatasetRule("surface_p", _SURFACE, _BOTH, "float32", "pressure"),
 )
 WALL_DATASETS = (
-    DatasetRule("wall_x", _WALL, _DOUBLE, "float64", "length"),
-    DatasetRule("wall_y", _WALL, _DOUBLE, "float64", "length"),
-    DatasetRule("wall_t", _WALL, _DOUBLE, "float64", "time"),
+    DatasetRule("wall_x", _WALL, _DOUBLE, "float64", "length", gaps=True),
+    DatasetRule("wall_y", _WALL, _DOUBLE, "float64", "length", gaps=True),
+    DatasetRule("wall_t", _WALL, _DOUBLE, "float64", "time", gaps=True),
     DatasetRule("wall_u", _WALL, _BOTH, "float64", "velocity"),
     DatasetRule("wall_v", _WALL, _BOTH, "float64", "velocity"),
-    DatasetRule("wall_slip", _WALL, _BOTH, "float32", "fraction"),
-    DatasetRule("wall_p", _WALL, _BOTH, "float32", "pressure"),
-    DatasetRule("wall_tau", _WALL, _BOTH, "float32", "pressure"),
+    DatasetRule("wall_slip", _WALL, _BOTH, "float32", "fraction", low=0, high=1),
+    DatasetRule("wall_p", _WALL, _BOTH, "float32", "pressure", low=0, gaps=True),
+    DatasetRule("wall_tau", _WALL, _BOTH, "float32", "pressure", low=0, gaps=True),
 )
 DATASETS = {
     rule.name: rule
@@ -239,6 +250,41 @@ def check_layout(found: Mapping[str, Any]) -> None:
                 f"{first} and {second} must come together, and with every other dataset of walls "
                 f"wall_x and wall_y, got {' and '.join(walls)}: add the others or leave them out"
             )
+
+
+def check_range(
+    name: str,
+    values: npt.NDArray[Any] | float,
+    low: float,
+    high: float,
+    gaps: bool = False,
+    remedy: str = "correct it or its unit",
+) -> None:
+    """Raises FlowFileError for the first value outside a range.
+
+    Args:
+        gaps: whether NaN is allowed.
+    """
+    array = np.atleast_1d(values)
+    wrong = ~((array >= low) & (array <= high))
+    if gaps:
+        wrong &= ~np.isnan(array)
+    if wrong.any():
+        place = f" at index {int(np.argmax(wrong))}" if array.size > 1 and array.ndim == 1 else ""
+        known = ", or NaN where it is not known" * gaps
+        raise FlowFileError(
+            f"{name} must be from {low:g} to {high:g}{known}, got {array[wrong][0]:g}{place}: "
+            f"{remedy}"
+        )
+
+
+def check_ranges(arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+    """Raises FlowFileError for the first value of datasets outside its range."""
+    for name, values in arrays.items():
+        rule = DATASETS[name]
+        if rule.axes == _WALL and not rule.gaps:  # between two pieces there is no value
+            values = values[~np.isnan(arrays["wall_x"])]
+        check_range(name, values, rule.low, rule.high, rule.gaps)
 
 
 def _check_one_layout(rule: DatasetRule, dataset: Any, sizes: dict[str, int]) -> None:

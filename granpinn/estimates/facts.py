@@ -19,11 +19,10 @@ from granpinn.data import Flow, known_sd
 from granpinn.data.symmetry import invariant_axes
 from granpinn.estimates.gradients import Gradients, gradients
 from granpinn.estimates.lattice import ROUNDING, lattice_step
-from granpinn.estimates.noise import Noise, grid_noise, noise_map, of_pairs
+from granpinn.estimates.noise import Noise, grid_noise, of_pairs
 from granpinn.estimates.scattered_fits import (
     ParticleFits,
     particle_fits,
-    particle_noise_map,
     particle_vectors,
 )
 from granpinn.estimates.view import View, view_of
@@ -31,7 +30,7 @@ from granpinn.physics.scales import Scales
 
 FRAMES = 12  # at most, for the shear rate
 STEPS = 4  # of an octave, to which magnitudes are rounded
-ARRAYS = ("view", "vectors", "fits", "noise_cells", "slopes")  # facts of the size of the flow
+ARRAYS = ("view", "vectors", "fits", "slopes")  # facts of the size of the flow
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,14 +79,6 @@ class Facts:
     def rounding(self) -> float:
         """Standard deviation of the rounding of vectors that are multiples of a step, else 0."""
         return ROUNDING * lattice_step(self.flow) / self.scales.velocity
-
-    @cached_property
-    def noise_cells(self) -> Float64:
-        """The noise of every cell [Y, X], NaN where it is unknown."""
-        if self.flow.particles is None:
-            return np.maximum(noise_map(self.view), self.rounding)
-        _, x, y, _, _ = self.vectors
-        return np.maximum(particle_noise_map(self.fits, x, y, self.view), self.rounding)
 
     @cached_property
     def slopes(self) -> Gradients:

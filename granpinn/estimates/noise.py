@@ -3,16 +3,14 @@ r"""The noise of the vectors, from the vectors alone.
 On a grid: third differences of one cell in time. A parabola over four frames cancels, and so does
 the acceleration of the flow. White noise of standard deviation $\sigma$ becomes
 $\sqrt{20}\,\sigma$. The estimate is a median, so that fronts and shear bands, where the flow
-changes within four frames, do not matter. Third differences in x and y (a factor 20) are a second
-estimate. It is smaller where the vectors of neighboring cells share pixels, and larger where cells
-are wider than the shear layers. The correlation of differences in time between neighboring cells
-gives the number of independent vectors.
+changes within four frames, do not matter. The correlation of differences in time between
+neighboring cells gives the number of independent vectors.
 
 Where most of these differences are missing, as they cross gaps, both come from pairs of vectors
 (`pairs.py`), and so they do for particles.
 
-In one frame, such as the mean of a steady flow, the estimate is that in space, and every vector
-counts as independent.
+In one frame, such as the mean of a steady flow, the estimate takes third differences in x and y (a
+factor 20), and every vector counts as independent.
 
 This is the noise of a typical vector. A few bad ones hardly change the median: where the worst
 hundredth of the vectors of a PIV has half of the variance, the root mean square is nearly twice as
@@ -33,7 +31,7 @@ import numpy as np
 
 from granpinn.arrays import Float64, Int8
 from granpinn.estimates.pairs import pair_noise
-from granpinn.estimates.robust import LEAST_CORRELATION, NORMAL, correlation, robust_sd, signs_of
+from granpinn.estimates.robust import LEAST_CORRELATION, correlation, robust_sd, signs_of
 from granpinn.estimates.view import View
 
 ORDER = 3
@@ -48,16 +46,12 @@ class Noise:
     Attributes:
         sigma: of a typical vector.
         u, v: for each component alone.
-        in_time: from differences in time, or from pairs of vectors of one frame.
-        in_space: from differences in x and y, or for particles from parabolas (scattered_fits.py).
         vectors_per_independent: number of vectors over number of independent ones.
     """
 
     sigma: float | None
     u: float | None
     v: float | None
-    in_time: float | None
-    in_space: float | None
     vectors_per_independent: float
 
     def at_least(self, sigma: float) -> Noise:
@@ -77,15 +71,14 @@ def grid_noise(view: View) -> Noise:
     pair = [np.where(view.there, values, np.nan) for values in (view.u, view.v)]
     in_time = [np.diff(values, ORDER, axis=0) for values in pair]
     factor = _growth(ORDER)
-    time = [_spread(values, factor) for values in in_time]
-    space = [_spread(np.diff(np.diff(a, ORDER, axis=1), ORDER, axis=2), factor**2) for a in pair]
-    chosen = space if None in time else time
+    chosen = [_spread(values, factor) for values in in_time]
+    if None in chosen:
+        in_space = (np.diff(np.diff(a, ORDER, axis=1), ORDER, axis=2) for a in pair)
+        chosen = [_spread(values, factor**2) for values in in_space]
     found = Noise(
         sigma=_rms(chosen),
         u=chosen[0],
         v=chosen[1],
-        in_time=_rms(time),
-        in_space=_rms(space),
         vectors_per_independent=_per_independent(in_time),
     )
     if not _gaps(view, in_time[0]):
@@ -100,7 +93,7 @@ def of_pairs(found: Noise, t: Float64, x: Float64, y: Float64, u: Float64, v: Fl
     if pairs is None:
         return found
     sigma = _rms([pairs.u, pairs.v])
-    return dataclasses.replace(found, sigma=sigma, in_time=sigma, **vars(pairs))
+    return dataclasses.replace(found, sigma=sigma, **vars(pairs))
 
 
 def _gaps(view: View, in_time: Float64) -> bool:
@@ -113,18 +106,6 @@ def _gaps(view: View, in_time: Float64) -> bool:
 def _growth(order: int) -> float:
     """Factor on the standard deviation of white noise in differences of an order."""
     return math.sqrt(math.comb(2 * order, order))
-
-
-def noise_map(view: View) -> Float64:
-    """Noise of every cell [Y, X] from its differences in time, NaN where they are few."""
-    squares = np.zeros(view.count.shape[1:])
-    enough = np.ones(squares.shape, bool)
-    for values in (view.u, view.v):
-        size = np.abs(np.diff(np.where(view.there, values, np.nan), ORDER, axis=0))
-        enough &= np.isfinite(size).sum(axis=0) >= 5
-        middle = np.nanmedian(np.where(enough, size, 0.0), axis=0) if size.size else squares
-        squares += (NORMAL * middle / _growth(ORDER)) ** 2
-    return np.where(enough, np.sqrt(squares / 2), np.nan)
 
 
 def _spread(values: Float64, factor: float) -> float | None:

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granpinn.arrays import Float64, Index, nearest
+from granpinn.arrays import Float64
 from granpinn.data.flow import Particles
 from granpinn.estimates.gradients import shear_rate
 from granpinn.estimates.noise import Noise
 from granpinn.estimates.quadratic_fits import quadratic_basis
-from granpinn.estimates.view import View
 from granpinn.physics.scales import Scales
 
 NEIGHBORS = 24
@@ -38,14 +37,10 @@ class ParticleFits:
 
     Attributes:
         noise: the noise of a typical vector.
-        where: indices of the sampled vectors [S].
-        local: the noise around each of them [S].
-        shear_rate: at each of them, less the part of the noise [S].
+        shear_rate: at each of the sampled vectors, less the part of the noise [S].
     """
 
     noise: Noise
-    where: Index
-    local: Float64
     shear_rate: Float64
 
 
@@ -53,7 +48,7 @@ def particle_fits(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) ->
     """Noise and shear rate of scattered vectors, dimensionless, all [N]."""
     from scipy.spatial import cKDTree
 
-    chosen, found, rates = [], [], []
+    found, rates = [], []
     _, size = np.unique(t, return_counts=True)
     order = np.argsort(t, kind="stable")
     starts = np.concatenate([[0], np.cumsum(size)])
@@ -73,33 +68,18 @@ def particle_fits(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) ->
         variance, rate = _local_parabolas(offset, np.stack([u, v], -1)[members][near], reach)
         found.append(variance)
         rates.append(rate)
-        chosen.append(members[centers])
-    if not chosen:
-        unknown = Noise(None, None, None, None, None, 1.0)
-        return ParticleFits(unknown, np.empty(0, np.intp), np.empty(0), np.empty(0))
+    if not found:
+        unknown = Noise(None, None, None, 1.0)
+        return ParticleFits(unknown, np.empty(0))
     variance = np.concatenate(found)
     typical = np.sqrt(np.median(variance, axis=0))
     noise = Noise(
         sigma=float(np.sqrt(np.mean(typical**2))),
         u=float(typical[0]),
         v=float(typical[1]),
-        in_time=None,
-        in_space=float(np.sqrt(np.mean(typical**2))),
         vectors_per_independent=1.0,
     )
-    local = np.sqrt(variance.mean(axis=1))
-    return ParticleFits(noise, np.concatenate(chosen), local, np.concatenate(rates))
-
-
-def particle_noise_map(fits: ParticleFits, x: Float64, y: Float64, view: View) -> Float64:
-    """Noise of every cell of a view [Y, X], from scattered vectors at x, y [N]; NaN where none."""
-    cell = nearest(view.y, y[fits.where]), nearest(view.x, x[fits.where])
-    shape = view.count.shape[1:]
-    place = np.ravel_multi_index(cell, shape)
-    n = np.bincount(place, minlength=shape[0] * shape[1])
-    sums = np.bincount(place, weights=fits.local**2, minlength=n.size)
-    mean = np.sqrt(np.divide(sums, n, out=np.full(n.size, np.nan), where=n > 0))
-    return np.asarray(mean.reshape(shape))
+    return ParticleFits(noise, np.concatenate(rates))
 
 
 def _local_parabolas(offset: Float64, velocity: Float64, reach: Float64) -> tuple[Float64, Float64]:

@@ -1,4 +1,4 @@
-"""Buffers and sets of LaVision's DaVis, by lvpyio."""
+"""Buffers of LaVision's DaVis, by lvpyio."""
 
 from __future__ import annotations
 
@@ -13,18 +13,11 @@ from granpinn.foreign.program import Answer
 LIBRARY = "lvpyio"
 
 
-def read(path: Path, answer: Answer) -> list[dict[str, Any]]:
-    """For each buffer: u, v, enabled, choice, mask [Y, X], sigma_u, sigma_v if there are any,
-    scales and attributes; `image` if it holds no vectors."""
-    if path.suffix.lower() == ".set":
-        with lvpyio.read_set(str(path)) as buffers:
-            frames = [_frame(buffer) for buffer in buffers]
-    else:
-        frames = [_frame(lvpyio.read_buffer(str(path)))]
-    return [
-        {n: answer.keep(v) if isinstance(v, np.ndarray) else v for n, v in frame.items()}
-        for frame in frames
-    ]
+def read(path: Path, answer: Answer) -> dict[str, Any]:
+    """u, v, enabled, choice, mask [Y, X], sigma_u, sigma_v if there are any, scales and attributes;
+    `image` if the buffer holds no vectors."""
+    frame = _frame(lvpyio.read_buffer(str(path)))
+    return {n: answer.keep(v) if isinstance(v, np.ndarray) else v for n, v in frame.items()}
 
 
 def _frame(buffer: Any) -> dict[str, Any]:

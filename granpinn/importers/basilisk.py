@@ -8,6 +8,7 @@ of the simulation, mostly none.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -29,23 +30,23 @@ def sniff(path: Path, head: bytes) -> bool:
     return bool(_FIRST.match(head))
 
 
-def read(path: Path, names: dict[str, str] | None = None) -> VectorFields:
+def read(path: Path, columns: Mapping[str, str] | None = None) -> VectorFields:
     """One frame.
 
     Args:
-        names: of the fields u, v, c, p in the file, if they are not the usual ones.
+        columns: names of u, v, c and p in the file, if they are not the usual ones.
     """
     text = TextFile(path)
     first = text.head(1)[0]
-    columns = _COLUMN.findall(first)
-    if columns[:2] != ["x", "y"]:
+    names = _COLUMN.findall(first)
+    if names[:2] != ["x", "y"]:
         raise DataFileError(
             f"{path} must begin with '# 1:x 2:y ...', got {first[:40]!r}: write it with "
             "output_field"
         )
-    given: dict[str, tuple[str, ...]] = {role: (name,) for role, name in (names or {}).items()}
+    given: dict[str, tuple[str, ...]] = {role: (name,) for role, name in (columns or {}).items()}
     required = ("x", "y", "u", "v", *given)
-    parts = read_table(text, ROLES | given, [*map(Column, columns)], required).columns
+    parts = read_table(text, ROLES | given, [*map(Column, names)], required).columns
     there = (np.abs(parts["u"]) < _HUGE) & (np.abs(parts["v"]) < _HUGE)
     codes = np.where(there, Validity.VALID, Validity.MASKED)
     for role in ("c", "p"):

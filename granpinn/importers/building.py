@@ -45,10 +45,6 @@ def grid_flow(
         c = np.where(below_line(fields, line), 1.0, 0.0)
     elif line is None and wanted == "auto" and source == "vectors":
         _warn_of_no_surface("there is neither a mask nor a fraction field")
-    elif line is None and wanted not in ("auto", "none", source):
-        raise DataFileError(
-            f"--surface {wanted} needs a {wanted}, got none: give --mask, or a CSV file of points"
-        )
     elif line is None and wanted != "none":
         surface = surfaces.from_fraction(c, fields.t, fields.y, fields.x, frame.gravity)
         if surface is None:
@@ -94,7 +90,7 @@ def scattered_flow(
         usable = usable & (fields.c > 1 - FULL)
     _require_frames(np.unique(fields.t[usable]).size, settings)
     surface, wanted = line, settings.surface
-    if surface is None and wanted in ("auto", "fraction") and fields.c is not None:
+    if surface is None and wanted == "auto" and fields.c is not None:
         surface = surfaces.from_scattered(fields)
     elif surface is None and wanted == "auto":
         t, x, y = (getattr(fields, name)[usable] for name in ("t", "x", "y"))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,7 +33,7 @@ NAMES = {
     "sigma_v": ("sigma_v", "sigma_vy"),
     "ep": ("ep",),
 }
-# Columns of one dimension; the unit of the vectors is that of the first one.
+# Columns of one dimension, which have one unit.
 GROUPS = {
     "length_unit": ("x", "y", "ep"),
     "time_unit": ("t",),
@@ -57,12 +57,11 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TextTable:
-    """Chosen columns [n] by what they are, such as "u", their units, and the lines above them."""
+    """Chosen columns [n] by what they are, such as "u", their units, and all columns."""
 
     columns: dict[str, Float64]
     units: dict[str, str]
     named: tuple[Column, ...] = ()
-    comment: str = ""
 
 
 def header(line: str, separator: str | None = None) -> list[Column]:
@@ -103,12 +102,11 @@ def column(text: str) -> Column:
 
 
 class TextLayout(NamedTuple):
-    """Columns of a table, number of lines before its rows, its separator; lines above the names."""
+    """Columns of a table, number of lines before its rows, and its separator."""
 
     named: list[Column]
     skip: int
     separator: str
-    comment: str = ""
 
 
 def layout_of(
@@ -135,7 +133,7 @@ def layout_of(
             named = [Column(c.name, c.unit or u) for c, u in zip(named, units, strict=False)]
     if separator != "," and len(_cells(row.rstrip(separator), separator)) == len(named) + 1:
         named = [Column(""), *named]  # a column of row names has no name
-    return TextLayout(named, skip, separator, "\n".join(lines[:place]))
+    return TextLayout(named, skip, separator)
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -235,9 +233,8 @@ def read_headed(
 ) -> TextTable:
     """The columns of a file that names them above its rows; arguments as in `read_table`."""
     text = TextFile(path)
-    named, skip, separator, comment = layout_of(text.head(HEADER_LINES), roles, required)
-    table = read_table(text, roles, named, required, skip, separator)
-    return replace(table, comment=comment)
+    named, skip, separator = layout_of(text.head(HEADER_LINES), roles, required)
+    return read_table(text, roles, named, required, skip, separator)
 
 
 def require_finite(path: Path | str, columns: Mapping[str, Float64], *, nan: bool = False) -> None:
@@ -252,31 +249,25 @@ def require_finite(path: Path | str, columns: Mapping[str, Float64], *, nan: boo
             )
 
 
-def in_one_unit(
-    path: Path | str, columns: Mapping[str, Float64], stated: Mapping[str, str]
-) -> tuple[dict[str, Float64], dict[str, Any], dict[str, str]]:
-    """Columns of one dimension in one unit, that of the first of them that states one.
+def units_of(path: Path | str, stated: Mapping[str, str]) -> dict[str, Any]:
+    """length_unit, time_unit and velocity_unit of columns, None if unknown.
 
-    A column that states no unit has that of the others.
+    A column that states no unit has that of the others of its kind.
 
     Args:
         stated: units by the names of columns.
 
-    Returns:
-        The columns; length_unit, time_unit and velocity_unit, None if unknown; and the facts
-        length_units and velocity_units of columns whose units differ.
-
     Raises:
-        DataFileError: a unit cannot be converted to that of the others.
+        DataFileError: two columns of one kind are in different units.
     """
-    converted, of_vectors = dict(columns), dict[str, Any]()
-    facts = {}
+    found: dict[str, Any] = {}
     for kind, names in GROUPS.items():
-        known = [(name, stated[name]) for name in names if name in columns and stated.get(name)]
-        base = of_vectors[kind] = known[0][1] if known else None
+        known = [(name, stated[name]) for name in names if stated.get(name)]
+        found[kind] = base = known[0][1] if known else None
         for name, unit in known:
-            ratio = 1.0 if unit == base else units.ratio(unit, str(base), f"{path}: {name}")
-            if ratio != 1:
-                converted[name] = columns[name] * ratio
-                facts[f"{kind}s"] = ", ".join(f"{name} [{unit}]" for name, unit in known)
-    return converted, of_vectors, facts
+            if unit != base and units.ratio(unit, str(base), f"{path}: {name}") != 1:
+                raise DataFileError(
+                    f"{path} must have one {kind.replace('_', ' ')} in all columns, got "
+                    f"{known[0][0]} in {base} and {name} in {unit}: export both in one unit"
+                )
+    return found

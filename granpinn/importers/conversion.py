@@ -15,15 +15,14 @@ from granpinn.data.flow import STEADY, WALL_GAP, WINDOW, Flow, FlowFileWarning
 from granpinn.data.scaling import scales_of
 from granpinn.importers import points
 from granpinn.importers.building import grid_flow, scattered_flow
-from granpinn.importers.frame import Frame, frame_of, missing_units, upwards
+from granpinn.importers.frame import Frame, frame_of, missing_units
 from granpinn.importers.gaps import GAPS
 from granpinn.importers.grains import with_mask
-from granpinn.importers.image_pairs import SAID as IMAGES_SAID
 from granpinn.importers.limits import require_room
 from granpinn.importers.material import material_of, missing_constants
 from granpinn.importers.settings import SURFACES, Settings
 from granpinn.importers.source import Source, measured, selected_frames, vectors_of
-from granpinn.importers.statements import calibration, settled, warn_of_displacement
+from granpinn.importers.statements import calibration, require_agreement
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 MENDED = 2.0  # spacings of a window that averaging mends (bench/studies/window)
@@ -54,8 +53,6 @@ def convert(
     numbers = [a for a in fields.arrays().values() if a.dtype.kind == "f"]
     require_room(sum(a.size for a in numbers), 8, fields.facts.get("format", "the arrays"))
     tell(_described(fields))
-    if said := fields.facts.get(IMAGES_SAID):
-        tell(said)
     whole, fields = fields, measured(fields, settings)
     fields = selected_frames(fields, settings)
     missing = missing_units(fields, settings) + missing_constants(settings)
@@ -64,20 +61,18 @@ def convert(
     constants, lengths = material_of(settings)
     if settings.mask is not None:
         fields = with_mask(fields, settings.mask, settings.length_unit or fields.length_unit)
-    if said := upwards(fields, settings)[1]:
-        tell(said)
-    frame = settled(whole, settings, frame_of(fields, settings))
+    frame = frame_of(fields, settings)
+    require_agreement(whole, settings, frame)
     si = frame.apply(fields)
     given = wall_points = None
     if line is not None:
         given = points.surface_of(line, frame)
     elif settings.surface not in SURFACES:
-        given = points.read_surface(Path(settings.surface), frame, si)
+        given = points.read_surface(Path(settings.surface), frame)
     if settings.walls is not None:
         wall_points = points.read_walls(Path(settings.walls), frame)
     attributes = _attributes(fields, settings) | lengths | _window(whole, settings, frame)
     constants |= {"gravity": frame.gravity, "attributes": attributes, "walls": wall_points}
-    warn_of_displacement(si, frame)
     make = scattered_flow if si.scattered else grid_flow
     flow = make(si, settings, frame, given, constants)
     for text in _summary(flow):

@@ -18,9 +18,8 @@ import numpy as np
 
 from granpinn.arrays import Int8
 from granpinn.foreign import installed
-from granpinn.importers.columns import Column, in_one_unit, read_table
-from granpinn.importers.limits import file_bytes, read_file
-from granpinn.importers.mesh_files import check_folder
+from granpinn.importers.columns import Column, read_table, units_of
+from granpinn.importers.limits import read_file
 from granpinn.importers.tables import grid_frame, require_rows
 from granpinn.importers.textfile import TextFile
 from granpinn.importers.units import si
@@ -39,7 +38,7 @@ LEAST_BYTES = 2**28
 
 def sniff_vc7(path: Path, head: bytes) -> bool:
     """Whether the file has a suffix of DaVis; the content has no mark."""
-    return path.suffix.lower() in (".vc7", ".im7", ".set")
+    return path.suffix.lower() in (".vc7", ".im7")
 
 
 def sniff_text(path: Path, head: bytes) -> bool:
@@ -48,75 +47,38 @@ def sniff_text(path: Path, head: bytes) -> bool:
 
 
 def read_vc7(path: Path) -> VectorFields:
-    """All frames of one buffer, or of a .set; needs lvpyio."""
+    """The frame of one buffer; needs lvpyio."""
     if not installed("lvpyio"):
         raise DataFileError(
             f"{path} is a DaVis file, which needs LaVision's package lvpyio: pip install "
             "'granpinn[lavision]', or export it from DaVis as text"
         )
-    frames = read_file("davis", path, _size, least_bytes=LEAST_BYTES)
-    parts = [_frame(path, frame) for frame in frames]
-    if not parts:
-        raise DataFileError(f"{path} has no frames: choose another set")
-    first = parts[0]
-    for part in parts[1:]:
-        same = all(np.array_equal(part[name], first[name]) for name in ("x", "y"))
-        if not same or part["units"] != first["units"] or part["y_down"] != first["y_down"]:
-            raise DataFileError(
-                f"{path} must have one grid and one set of units, got another after the first "
-                "frame: convert them one by one"
-            )
-    stacked: dict[str, Any] = {
-        name: np.stack([part[name] for part in parts]) for name in ("u", "v", "validity")
-    }
-    if all("sigma_u" in part for part in parts):
-        stacked |= {n: np.stack([part[n] for part in parts]) for n in ("sigma_u", "sigma_v")}
-    times = [part["t"] for part in parts]
-    timed = None not in times
-    return vector_fields(
-        t=times if timed else np.arange(len(parts)),
-        y=first["y"],
-        x=first["x"],
-        **stacked,
-        **first["units"] | {"time_unit": "s" if timed else "frame"},
-        y_down=first["y_down"],
-        facts=first["facts"],
-    )
-
-
-def _size(path: Path) -> int:
-    """Bytes of a buffer, or of a set with the folder of its name."""
-    folder = check_folder(path.with_suffix("")) if path.suffix.lower() == ".set" else 0
-    return folder + file_bytes(path)
-
-
-def _frame(path: Path, frame: dict[str, Any]) -> dict[str, Any]:
-    """Arrays [Y, X] of one frame, and its attributes."""
+    frame = read_file("davis", path, least_bytes=LEAST_BYTES)
     if "image" in frame:
         raise DataFileError(f"{path} must hold vectors, got an image: convert the .vc7 of it")
     rows, columns = frame["u"].shape
-    found = {
-        "x": frame["x_slope"] * (np.arange(columns) + 0.5) * frame["x_step"] + frame["x_offset"],
-        "y": frame["y_slope"] * (np.arange(rows) + 0.5) * frame["y_step"] + frame["y_offset"],
-        "u": frame["u"],
-        "v": frame["v"],
-    }
     codes, smoothed = _codes(frame)
-    for name in ("sigma_u", "sigma_v"):
-        if name in frame:
-            found[name] = np.where(frame[name] > 0, frame[name], np.nan)
+    sigmas = {
+        name: np.where(frame[name] > 0, frame[name], np.nan)[None]
+        for name in ("sigma_u", "sigma_v")
+        if name in frame
+    }
     stated = {"v": frame["units"]["u"], **frame["units"]}
     pixels = {n: "px/frame" for n, u in stated.items() if n not in "xy" and u in ("pixel", "px")}
-    found, units, several = in_one_unit(path, found, stated | pixels)
-    return {
-        **found,
-        "validity": codes,
-        "t": _acquired(frame["acquired"]),
-        "units": units,
+    t = _acquired(frame["acquired"])
+    return vector_fields(
+        t=[0.0 if t is None else t],
+        x=frame["x_slope"] * (np.arange(columns) + 0.5) * frame["x_step"] + frame["x_offset"],
+        y=frame["y_slope"] * (np.arange(rows) + 0.5) * frame["y_step"] + frame["y_offset"],
+        u=frame["u"][None],
+        v=frame["v"][None],
+        validity=codes[None],
+        **sigmas,
+        **units_of(path, stated | pixels) | {"time_unit": "frame" if t is None else "s"},
         # Both the slope of y and the sign of v follow the frame of the scales.
-        "y_down": bool(frame["y_slope"] > 0),
-        "facts": {"frame_dt": frame["frame_dt"], "smoothed": smoothed} | several,
-    }
+        y_down=bool(frame["y_slope"] > 0),
+        facts={"frame_dt": frame["frame_dt"], "smoothed": smoothed},
+    )
 
 
 def _codes(frame: dict[str, Any]) -> tuple[Int8, str]:

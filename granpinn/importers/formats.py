@@ -13,10 +13,7 @@ from granpinn.importers import (
     basilisk,
     davis,
     insight,
-    meshes,
-    netcdf,
     openpiv,
-    opyf,
     pivlab_mat,
     pivlab_text,
     tracks,
@@ -55,56 +52,39 @@ FORMATS = {
         "tracks of particles, a table: trackpy, TrackMate, TracTrac, opyf",
         tracks.sniff,
         tracks.read,
-        ("window", "columns", "drop_duplicates"),
+        ("window", "columns"),
     ),
-    "opyf": Format("opyf HDF5, vectors on a grid or scattered", opyf.sniff, opyf.read),
-    "pivlab": Format("PIVlab text, any header", pivlab_text.sniff, pivlab_text.read),
+    "pivlab": Format("PIVlab text", pivlab_text.sniff, pivlab_text.read),
     "insight": Format("TSI Insight .vec", insight.sniff, insight.read),
     "davis": Format("LaVision DaVis text", davis.sniff_text, davis.read_text_export),
-    "vc7": Format("LaVision DaVis .vc7, .set (needs lvpyio)", davis.sniff_vc7, davis.read_vc7),
-    "basilisk": Format("Basilisk output_field", basilisk.sniff, basilisk.read, ("names",)),
+    "vc7": Format("LaVision DaVis .vc7 (needs lvpyio)", davis.sniff_vc7, davis.read_vc7),
+    "basilisk": Format("Basilisk output_field", basilisk.sniff, basilisk.read, ("columns",)),
     "openpiv": Format("OpenPIV text", openpiv.sniff, openpiv.read),
     "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
-    "netcdf": Format("netCDF, as pivpy and xarray write it", netcdf.sniff, netcdf.read),
-    "mesh": Format("VTK, OpenFOAM (needs pyvista)", meshes.sniff, meshes.read, ("names",)),
 }
 
 
 def detect(path: Path) -> str:
     """The name of the format of a file, from its content."""
-    head = b""
-    if not path.is_dir():
-        try:
-            head = first_bytes(path, HEAD)
-            if (encoding := encoding_of(head)).startswith("utf-16"):
-                head = head.decode(encoding, "ignore").encode()
-        except UnsafeFileError as error:
-            raise DataFileError(f"{path}: {error}") from None
-        if not head and path.suffix.lower() != ".foam":
-            raise DataFileError(f"{path} is empty, expected vectors: export it again")
+    try:
+        head = first_bytes(path, HEAD)
+    except UnsafeFileError as error:
+        raise DataFileError(f"{path}: {error}") from None
+    if (encoding := encoding_of(head)).startswith("utf-16"):
+        head = head.decode(encoding, "ignore").encode()
+    if not head:
+        raise DataFileError(f"{path} is empty, expected vectors: export it again")
     for name, found in FORMATS.items():
         if found.sniff(path, head):
             return name
-    if _headerless_pivlab(head):
-        return "pivlab"
     if is_flow_file(path):
         raise DataFileError(
             f"{path} is a flow file already: python -m granpinn.train {shell_word(path)}"
         )
     raise DataFileError(
-        f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, or export "
-        "the vectors as plain arrays (.npz) or a table"
+        f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, export the "
+        "vectors as plain arrays (.npz) or a table, or take them as arrays in Python"
     )
-
-
-def _headerless_pivlab(head: bytes) -> bool:
-    """PIVlab's text without any header: four numbers or more a row, y running first."""
-    lines = head.decode("utf-8", "replace").lstrip("\ufeff").replace(",", " ").splitlines()
-    try:
-        first, second = ([float(cell) for cell in line.split()] for line in lines[:2])
-    except ValueError:
-        return False
-    return len(first) == len(second) >= 4 and first[0] == second[0] and first[1] != second[1]
 
 
 def read_file(path: Path, name: str, options: dict[str, Any]) -> VectorFields:

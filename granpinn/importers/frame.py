@@ -9,20 +9,16 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from granpinn.arrays import Float64
 from granpinn.config.fields import flag_of
 from granpinn.importers import units
-from granpinn.importers.columns import GROUPS
 from granpinn.importers.numerals import number
 from granpinn.importers.settings import Settings
 from granpinn.importers.tables import MIXED, ROWS
 from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, VectorFields
 
-# The fact: frames between the two images of a pair, by the names of the images.
-PAIR_FRAMES = "pair_frames"
-FALLING = 0.1  # mean velocity along y over the rms speed, of grains that fall
+# The fact: settings that pairs of images need which are not consecutive, by their names.
+PAIRS = "pairs_need"
 HALF = 0.5  # a field between two images is half way between them
 
 
@@ -40,7 +36,6 @@ class Frame:
             frames; or None.
         dimensionless: whether there are no units.
         counts: whether the times of the files are numbers of frames.
-        several: "length" and "velocity", where the columns of the files have several units.
     """
 
     length: float
@@ -57,7 +52,6 @@ class Frame:
     interval: float | None = None
     dimensionless: bool = False
     counts: bool = False
-    several: tuple[str, ...] = ()
 
     def apply(self, fields: VectorFields) -> VectorFields:
         """The same vectors in SI."""
@@ -104,10 +98,6 @@ class Frame:
             dimension: length, time, velocity or pressure, which has no unit of the vectors.
             what: the column, for messages.
         """
-        if not unit and dimension in self.several:
-            raise DataFileError(
-                f"{what} must state its unit of {dimension}, as the vectors have several, got none"
-            )
         if not unit or (self.dimensionless and unit in ("1", "-")):
             return float(getattr(self, dimension, 1.0))
         if self.dimensionless:
@@ -146,34 +136,21 @@ def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
         missing.append("--frame-rate, such as '500 Hz' (the files hold no time)")
     elif not (settings.pulse_delay or settings.frame_rate) and units.has(velocity, "frame"):
         missing.append("--pulse-delay, such as '2 ms' (the vectors are per pair of images)")
+    missing += [
+        f"{flag_of(name)} (the names of the images show pairs that are not of consecutive ones)"
+        for name in fields.facts.get(PAIRS, "").split()
+        if getattr(settings, name) is None
+    ]
     unclear = units.has(length, "px") or fields.facts.get(ROWS) == MIXED
     if settings.flip_y == "auto" and fields.y_down is None and unclear:
         missing.append("--flip-y yes or no (the files do not say whether y points down)")
     return missing
 
 
-def upwards(fields: VectorFields, settings: Settings) -> tuple[int, str | None]:
-    """-1 where y and v of the files point down, else 1; and a sentence where the grains show it.
-
-    Vectors in pixels have the axes of an image. Tracks in a unit of length have those of the
-    user, and there gravity decides: on the average grains fall.
-    """
-    length = settings.length_unit or fields.length_unit
-    if settings.flip_y != "auto":
-        return (-1 if settings.flip_y == "yes" else 1), None
-    image = units.has(fields.length_unit, "px") and fields.y_down is not None
-    own_axes = fields.scattered and not units.has(length, "px") and not settings.dimensionless
-    if not own_axes or (fields.y_down is not None and not image):
-        return (-1 if fields.y_down else 1), None
-    u, v = fields.u[fields.usable], fields.v[fields.usable]
-    speed = float(np.sqrt(np.mean(u * u + v * v))) if u.size else 0.0
-    mean = float(np.mean(v)) if v.size else 0.0
-    if abs(mean) > FALLING * speed:
-        up, why = (-1 if mean > 0 else 1), "as the grains fall on the average"
-    else:
-        up, why = 1, "as in a drawing, because the grains do not fall on the average"
-    where = "down in the files and is turned around" if up < 0 else "up in the files"
-    return up, f"y points {where}, {why}; if that is wrong, give --flip-y"
+def _up(fields: VectorFields, settings: Settings) -> int:
+    """-1 where y and v of the files point down, else 1."""
+    down = fields.y_down if settings.flip_y == "auto" else settings.flip_y == "yes"
+    return -1 if down else 1
 
 
 def frame_of(fields: VectorFields, settings: Settings) -> Frame:
@@ -182,7 +159,7 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
     Raises:
         DataFileError: a unit is wrong.
     """
-    up, _ = upwards(fields, settings)
+    up = _up(fields, settings)
     counted = _counted(fields, settings)
     pixel = interval = delay = None
     g: float | None = 1.0
@@ -196,8 +173,7 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         if settings.scale is not None:
             pixel = units.scale(settings.scale)
         if settings.frame_rate is not None:
-            interval = units.frame_time(settings.frame_rate, "--frame-rate")
-            delay = interval * float(fields.facts.get(PAIR_FRAMES, 1))
+            interval = delay = units.frame_time(settings.frame_rate, "--frame-rate")
         if settings.pulse_delay is not None:
             delay = units.frame_time(settings.pulse_delay, "--pulse-delay")
         names = _units(fields, settings)
@@ -236,7 +212,6 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         interval=interval,
         dimensionless=settings.dimensionless,
         counts=counted,
-        several=tuple(kind.removesuffix("_unit") for kind in GROUPS if f"{kind}s" in fields.facts),
     )
 
 
@@ -247,15 +222,6 @@ def _counted(fields: VectorFields, settings: Settings) -> bool:
 
 def _units(fields: VectorFields, settings: Settings) -> tuple[str | None, str | None, str | None]:
     """Units of length, time and velocity, from the settings if they have them, else the files."""
-    for kind in GROUPS:
-        several = fields.facts.get(f"{kind}s")
-        given = [kind] + ["origin"] * (kind == "length_unit")
-        flags = [flag_of(name) for name in given if getattr(settings, name)]
-        if several and flags:
-            raise DataFileError(
-                f"{flags[0]} must not be given where columns have several units, got {several}: "
-                "leave it out, or export the file with one unit"
-            )
     length = settings.length_unit or fields.length_unit
     time = settings.time_unit or fields.time_unit
     velocity = settings.velocity_unit or fields.velocity_unit

@@ -11,8 +11,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import numpy as np
-
 from granpinn.data.memory import available
 from granpinn.foreign import read_foreign
 from granpinn.importers.vectors import DataFileError
@@ -70,19 +68,13 @@ def file_bytes(path: Path) -> int:
         return os.fstat(stream.fileno()).st_size
 
 
-def hdf5_arrays(path: Path, *places: str) -> dict[str, Any]:
-    """Those arrays of numbers that are there, as float64, by their places in the file."""
-    datasets = read_file("hdf5", path, names=[*places])["datasets"]
-    return {n: d["values"].astype(np.float64) for n, d in datasets.items() if "values" in d}
-
-
 def read_file(
     reader: str, path: Path, size: Callable[[Path], int] = file_bytes, **request: Any
 ) -> Any:
     """What a reader of `granpinn.foreign` gives for a file.
 
     Args:
-        size: checks the files that belong to it, and gives the bytes of all.
+        size: checks the file, and gives its bytes.
 
     Raises:
         DataFileError: it is no regular file with data, or the reader refuses it.

@@ -6,7 +6,6 @@ tau have the unit of pressure of the flow file.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,11 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.arrays import plain_array
-from granpinn.data.flow import FlowFileWarning, Surface, Walls
+from granpinn.data.flow import Surface, Walls
 from granpinn.importers.columns import NAMES, TextTable, read_headed, require, require_finite
 from granpinn.importers.frame import Frame
-from granpinn.importers.opyf import read_depths
-from granpinn.importers.vectors import DataFileError, VectorFields
+from granpinn.importers.vectors import DataFileError
 
 # Quantities of the columns; a slip has none.
 DIMENSIONS = {
@@ -31,44 +29,15 @@ DIMENSIONS = {
 WALL_COLUMNS = {name: NAMES.get(name, (name,)) for name in (*DIMENSIONS, "t", "slip")}
 
 
-def read_surface(path: Path, frame: Frame, si: VectorFields) -> Surface:
-    """The points of a table with the columns t (or frame), x, y, or of opyf's depths.
-
-    Depths beyond the sides of the vectors are left out: opyf finds them in the whole image.
-
-    Args:
-        frame: of the vectors, in whose axes the points are given.
-        si: the vectors.
-    """
-    depths = read_depths(path)
-    table = depths or read_headed(path, ("x", "y"))
+def read_surface(path: Path, frame: Frame) -> Surface:
+    """The points of a table with the columns t (or frame), x, y, in the axes of the vectors."""
+    table = read_headed(path, ("x", "y"))
     time = "t" if "t" in table.columns else "frame"
     require(path, table.named, [] if time in table.columns else ["t (or frame)"])
     columns = {name: table.columns[name] for name in (time, "x", "y")}
     require_finite(path, columns)
     points = _in_si(path, replace(table, columns=columns), frame)
-    surface = Surface(points["t"], points["x"], points["y"])
-    return surface if depths is None else _between_sides(surface, si, path)
-
-
-def _between_sides(surface: Surface, si: VectorFields, path: Path) -> Surface:
-    """The points from the first to the last place x of the vectors; the others are named once."""
-    low, high = float(si.x.min()), float(si.x.max())
-    inside = (surface.x >= low) & (surface.x <= high)
-    if not inside.any():
-        raise DataFileError(
-            f"{path} must hold depths between the sides of the vectors, x = {low:.4g} to "
-            f"{high:.4g}, got x = {surface.x.min():.4g} to {surface.x.max():.4g}: give the depths "
-            "of the same run, and their unit by --length-unit"
-        )
-    if not inside.all():
-        warnings.warn(
-            f"{int((~inside).sum())} of {inside.size} depths of {path.name} lie beyond the sides "
-            f"of the vectors, x = {low:.4g} to {high:.4g}, and are left out",
-            FlowFileWarning,
-            stacklevel=5,
-        )
-    return Surface(surface.t[inside], surface.x[inside], surface.y[inside])
+    return Surface(points["t"], points["x"], points["y"])
 
 
 def read_walls(path: Path, frame: Frame) -> Walls:

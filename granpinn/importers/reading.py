@@ -13,7 +13,7 @@ from granpinn.data.flow import Flow
 from granpinn.declared import checked
 from granpinn.importers.arrays import ARRAYS
 from granpinn.importers.conversion import convert
-from granpinn.importers.netcdf import from_dataset
+from granpinn.importers.datasets import from_dataset
 from granpinn.importers.settings import SURFACES, Settings
 from granpinn.importers.source import Source
 from granpinn.importers.vectors import DataFileError

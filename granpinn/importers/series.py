@@ -14,16 +14,17 @@ import numpy as np
 
 from granpinn.importers.columns import GROUPS
 from granpinn.importers.formats import FORMATS, detect, read_file
-from granpinn.importers.image_pairs import with_pair_times
+from granpinn.importers.frame import PAIRS
 from granpinn.importers.limits import require_room
 from granpinn.importers.statements import require_one_calibration
 from granpinn.importers.tables import MIXED, ROWS
-from granpinn.importers.vectors import DataFileError, VectorFields, vector_fields
+from granpinn.importers.vectors import IMAGES, DataFileError, VectorFields, vector_fields
 
 AUTO = "auto"
 MAX_PATH = 4096  # of Linux
 _NUMBER = re.compile(r"(\d++(?:\.\d++)?)")
 _SAME_GRID = 1e-6  # of the extent
+_MAX_DIGITS = 10  # of the number of an image
 
 
 def read_vectors(
@@ -60,9 +61,37 @@ def read_vectors(
         parts.append(_counted(part) if count else part)
         require_room(len(files) * part.u.size * (len(part.arrays()) - 1), 8, file)
     facts = {"format": FORMATS[name].title, "files": str(len(files))}
-    parts = with_pair_times(files, parts)
+    facts |= {PAIRS: needed} if (needed := _pairs_need(files, parts)) else {}
     joined = parts[0] if len(parts) == 1 else _joined(files, parts)
     return replace(joined, facts=joined.facts | facts)
+
+
+def _pairs_need(files: list[Path], parts: list[VectorFields]) -> str:
+    """The settings without which the times of pairs of images are wrong, by the images' names.
+
+    The usual step s from the first image of a pair to that of the next is one frame. Pairs that
+    share no image, and have none between their own two, may be double frames.
+
+    Raises:
+        DataFileError: the images of some pairs are farther apart than those of others.
+    """
+    named = [part.facts.get(IMAGES, "").split() for part in parts]
+    if not all(named) or any(max(map(len, pair)) > _MAX_DIGITS for pair in named):
+        return ""
+    first, second = np.array([[int(number) for number in pair] for pair in named]).T
+    apart, steps = second - first, np.diff(first)
+    step = float(np.median(steps)) if steps.size else 1.0
+    film = bool(np.isin(second, first).any() or (apart > 1).any())
+    if apart.min() < 1 or step < 1 or (steps <= 0).any() or not film:
+        return ""
+    if (apart != apart[0]).any():
+        k = int(np.argmax(apart != apart[0]))
+        raise DataFileError(
+            f"{files[k]} has images that are {apart[k]} apart, and those of {files[0]} are "
+            f"{apart[0]} apart: export pairs of one distance"
+        )
+    needed = {"pulse_delay": apart[0] != step, "times": (steps != step).any()}
+    return " ".join(name for name, need in needed.items() if need)
 
 
 def _counted(part: VectorFields) -> VectorFields:
@@ -79,7 +108,7 @@ def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
         path = Path(given)
         if len(os.fspath(given)) > MAX_PATH or "\0" in os.fspath(given):
             raise DataFileError(f"{str(given)[:60]}... is no path: name a file or a folder")
-        if path.is_dir() and not FORMATS["mesh"].sniff(path, b""):
+        if path.is_dir():
             files = [p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")]
             kinds = sorted({file.suffix for file in files})
             if len(kinds) > 1:
@@ -100,10 +129,8 @@ def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
     for path in found:
         if not path.exists():
             raise DataFileError(f"{path} does not exist: check the path")
-        if not (path.is_file() or path.is_dir()):
-            raise DataFileError(
-                f"{path} must be a file or a folder, got a device or a pipe: check the path"
-            )
+        if not path.is_file():
+            raise DataFileError(f"{path} must be a file, got a device, a pipe or a folder in it")
     return sorted(dict.fromkeys(found), key=natural)
 
 
@@ -146,11 +173,9 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
 
 def _common(fields: VectorFields) -> dict[str, Any]:
     """What all files of a series have in common, by its name in a message."""
-    # A fact has the units of columns that were converted.
-    units = {n: fields.facts.get(f"{n}s", getattr(fields, n)) for n in GROUPS}
     return {
         "kind": "scattered vectors" if fields.scattered else "vectors on a grid",
-        **{name.replace("_", " "): unit for name, unit in units.items()},
+        **{name.replace("_", " "): getattr(fields, name) for name in GROUPS},
         "arrays": ", ".join(fields.arrays()),
     }
 

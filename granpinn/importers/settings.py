@@ -12,7 +12,7 @@ from granpinn.declared import require_fields
 from granpinn.importers import units
 from granpinn.importers.vectors import DataFileError
 
-SURFACES = ("auto", "mask", "fraction", "none")  # other values of --surface name a file
+SURFACES = ("auto", "none")  # other values of --surface name a file
 # Settings that a flow file keeps as attributes of the same names, in SI.
 LENGTHS = (WALL_GAP, PERIOD_X, SURFACE_SD, SOLVER_CELL, SOLVER_MEAN)
 QUANTITIES = {
@@ -28,20 +28,14 @@ class Settings:
     """Numbers with units are text, such as "0.12 mm/px"; None means not given."""
 
     format: str = setting("auto", "format of the files, auto = from their content", group="files")
-    fields: str | None = setting(
-        None, "names of fields in simulation files, such as u=U,c=alpha.grains,p=p", group="files"
-    )
     columns: str | None = setting(
         None,
-        "names of columns in a table of tracks that granpinn does not know, such as "
-        "x=abscissa,y=height,t=time",
+        "names of columns that granpinn does not know, such as x=abscissa,y=height,t=time in a "
+        "table of tracks; of Basilisk with --format basilisk",
         group="files",
     )
     zeros: Literal["measured", "missing"] = setting(
         "measured", "vectors that are exactly (0, 0): measured, or missing", group="files"
-    )
-    drop_duplicates: bool = setting(
-        False, "keep the first of several rows of one particle in one frame", group="files"
     )
     frames: str | None = setting(
         None, "frames to use, FIRST:LAST:STEP counted from 0 (LAST not included)", group="files"
@@ -51,8 +45,7 @@ class Settings:
     )
     force: bool = setting(
         False,
-        "write the flow file although a check calls it impossible; and where a flag contradicts a "
-        "file, the flag holds",
+        "write the flow file although a check calls it impossible",
         group="files",
     )
     track_window: int = setting(
@@ -159,7 +152,7 @@ class Settings:
     )
     surface: str = setting(
         "auto",
-        "line of the free surface: mask, fraction, none, a CSV file with the "
+        "line of the free surface: none, a CSV file with the "
         "columns t (or frame), x, y, or auto = from the fraction field or the mask, if any",
         group="grains",
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,6 @@ from granpinn.importers.textfile import TextFile, is_number
 from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, Validity, VectorFields
 
 Source = str | Path | Sequence[str | Path] | VectorFields | Mapping[str, Any]
-FIELDS = ("u", "v", "c", "p")
 _NUMBER = re.compile(r"(-?)(\d++(?:\.\d++)?(?:[eE][-+]?\d++)?)")
 
 
@@ -39,14 +38,9 @@ def vectors_of(source: Source, settings: Settings) -> VectorFields:
     elif isinstance(source, Mapping):
         fields = from_arrays(source)
     else:
-        options: dict[str, Any] = {
-            "window": settings.track_window,
-            "drop_duplicates": settings.drop_duplicates,
-        }
-        if settings.fields:
-            options["names"] = _names(settings.fields, "--fields", FIELDS, "u=U,c=alpha.grains,p=p")
+        options: dict[str, Any] = {"window": settings.track_window}
         if settings.columns:
-            options["columns"] = _names(settings.columns, "--columns", NAMES, "x=X_mm,y=Y_mm,t=T")
+            options["columns"] = _columns(settings.columns)
             format = "tracks" if format == "auto" else format
         count = settings.times is not None or units.has(settings.time_unit, "frame")
         fields = read_vectors(source, format, options, count=count)
@@ -60,14 +54,16 @@ def vectors_of(source: Source, settings: Settings) -> VectorFields:
     return fields
 
 
-def _names(text: str, flag: str, known: Iterable[str], example: str) -> dict[str, str]:
-    """The names in the files by their roles."""
+def _columns(text: str) -> dict[str, str]:
+    """The names of columns in the files by their roles."""
+    known = (*NAMES, "c", "p")
     pairs = [part.partition("=") for part in text.split(",")]
     names = {key.strip(): value.strip() for key, _, value in pairs}
     once = len(names) == len(pairs)
     if not (set(names) <= {*known} and all(names.values()) and once):
         raise DataFileError(
-            f"{flag} must name some of {', '.join(known)}, such as {example}, got {text!r}"
+            f"--columns must name some of {', '.join(known)}, such as x=X_mm,y=Y_mm,t=T, got "
+            f"{text!r}"
         )
     return names
 

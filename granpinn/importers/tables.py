@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Float64, Int8
-from granpinn.importers.columns import TextTable, in_one_unit, require_finite
+from granpinn.importers.columns import TextTable, require_finite, units_of
 from granpinn.importers.gaps import GAPS, split_gaps
 from granpinn.importers.numerals import whole
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
@@ -90,7 +90,7 @@ def grid_frame(
     y_down: bool | None = None,
     facts: Mapping[str, str] | None = None,
 ) -> VectorFields:
-    """One frame of a file of rows, each column by its own unit.
+    """One frame of a file of rows.
 
     Args:
         table: x, y, u and v [n]; its other columns are left out.
@@ -99,8 +99,7 @@ def grid_frame(
         y_down: None: the order of the rows shows it.
         facts: further ones.
     """
-    columns, units, several = in_one_unit(path, table.columns, table.units)
-    vectors = {name: columns[name] for name in "xyuv"}
+    vectors = {name: table.columns[name] for name in "xyuv"}
     grids = to_grid(path, vectors, validity)
     kinds = {"vector_types": "yes"}
     if validity is None:
@@ -110,9 +109,9 @@ def grid_frame(
     return vector_fields(
         t=[t],
         **grids,
-        **units | {"time_unit": "frame"},
+        **units_of(path, table.units) | {"time_unit": "frame"},
         y_down=down,
-        facts=kinds | order | several | dict(facts or {}),
+        facts=kinds | order | dict(facts or {}),
     )
 
 

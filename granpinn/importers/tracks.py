@@ -1,4 +1,4 @@
-"""Tables of tracked particles (PTV): text, and HDF5 of TracTrac.
+"""Tables of tracked particles (PTV).
 
 Columns by name, in any order, units in brackets if at all, such as `x [mm]`:
 
@@ -9,7 +9,7 @@ Columns by name, in any order, units in brackets if at all, such as `x [mm]`:
 - ep: trackpy's uncertainty of the position.
 
 trackpy counts in pixels and frames, with y down, and so does opyf (N, X, Y, Ux, Uy), with one file
-for every frame. TracTrac's velocities are those of its table, in pixels and frames.
+for every frame. In TrackMate's tables y is down in any unit.
 """
 
 from __future__ import annotations
@@ -25,15 +25,13 @@ from granpinn.importers.columns import (
     GROUPS,
     HEADER_LINES,
     NAMES,
-    TextTable,
     column,
-    in_one_unit,
     layout_of,
     read_headed,
     require,
     require_finite,
+    units_of,
 )
-from granpinn.importers.limits import hdf5_arrays
 from granpinn.importers.pivlab_text import FIRST_WORDS as PIVLAB
 from granpinn.importers.textfile import encoding_of
 from granpinn.importers.tracking import TrackMotion, counted, velocities
@@ -45,18 +43,12 @@ from granpinn.importers.vectors import (
     vector_fields,
 )
 
-TRACTRAC = ("Frame", "x", "u")  # [n], [n, 2], [n, 2]; its Id has 16 bits and repeats itself
 _OPYF = {"n", "x", "y", "ux", "uy"}  # of one frame, in pixels, y down
 _TRACKPY = {"mass", "ecc", "raw_mass", "signal", "size"}
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Names of x, y and frame or t, or opyf's, above numbers; or the arrays of TracTrac in HDF5."""
-    if head.startswith(b"\x89HDF"):
-        try:
-            return hdf5_arrays(path, *TRACTRAC).keys() == {*TRACTRAC}
-        except DataFileError:
-            return False
+    """Names of x, y and frame or t, or opyf's, above numbers."""
     lines = head.decode(encoding_of(head), "replace").splitlines() or [""]
     if lines[0].lstrip("\ufeff# ").startswith(PIVLAB):
         return False
@@ -70,19 +62,15 @@ def read(
     path: Path,
     window: int = 5,
     columns: Mapping[str, str] | None = None,
-    drop_duplicates: bool = False,
 ) -> VectorFields:
     """Scattered vectors of all tracks.
 
     Args:
         window: frames of the local polynomial, an odd number; not used if the table has u, v.
         columns: names of the columns by their roles, where they are not in `NAMES`.
-        drop_duplicates: keep the first of several rows of one particle in one frame.
     """
-    with path.open("rb") as stream:
-        hdf5 = stream.read(8) == b"\x89HDF\r\n\x1a\n"
     roles = NAMES | {role: (column(name).name,) for role, name in (columns or {}).items()}
-    table = _read_hdf5(path) if hdf5 else read_headed(path, ("x", "y"), roles)
+    table = read_headed(path, ("x", "y"), roles)
     found, stated = table.columns, table.units
     names = {column.name for column in table.named}
     opyf = names == _OPYF
@@ -91,13 +79,14 @@ def read(
     missing = [] if {"frame", "t"} & found.keys() else ["frame (or t)"]
     missing += [] if "particle" in found or {"u", "v"} <= found.keys() else ["particle (or u, v)"]
     require(path, table.named, missing)
-    trackpy = len(_TRACKPY & names) >= 2
+    image = opyf or len(_TRACKPY & names) >= 2
+    down = image or "position_x" in names
     require_finite(path, found, nan=True)
-    if (trackpy or opyf) and not stated.keys() & GROUPS["length_unit"]:
+    if image and not stated.keys() & GROUPS["length_unit"]:
         stated = stated | {"x": "px"}
-    if (opyf or "TracTrac" in table.comment) and not stated.keys() & GROUPS["velocity_unit"]:
-        stated = {"x": "px"} | stated | {"u": "px/frame"}
-    found, units, facts = in_one_unit(path, found, stated)
+    if opyf and not stated.keys() & GROUPS["velocity_unit"]:
+        stated = stated | {"u": "px/frame"}
+    units, facts = units_of(path, stated), {}
     timed = "t" in found
     units["time_unit"] = units["time_unit"] if timed else "frame"
     if "u" in found and "v" in found:
@@ -105,7 +94,7 @@ def read(
         motion = TrackMotion(found["x"], found["y"], found["u"], found["v"])
         motion = motion._replace(sigma_u=found.get("sigma_u"), sigma_v=found.get("sigma_v"))
     else:
-        found = _each_once(path, found, drop_duplicates)
+        _require_each_once(path, found)
         t = found["t" if timed else "frame"]
         ep = found.get("ep")
         ep = ep if ep is not None and np.isfinite(ep).any() else None
@@ -113,7 +102,7 @@ def read(
         motion = velocities(t, count, found["x"], found["y"], found["particle"], ep, window)
         known = (units["length_unit"], units["time_unit"])
         units["velocity_unit"] = None if None in known else "/".join(map(str, known))
-        facts |= {TRACK_WINDOW: str(window)}
+        facts = {TRACK_WINDOW: str(window)}
     finite = np.asarray(np.isfinite([motion.x, motion.y, t]).all(axis=0))
     if not finite.any():
         raise DataFileError(f"{path} holds no particle with a position and a time: export it again")
@@ -129,37 +118,21 @@ def read(
         **{name: part[order] for name, part in parts.items() if part is not None},
         validity=np.where(measured, Validity.VALID, Validity.INVALID)[order],
         **units,
-        y_down=True if trackpy or opyf else None,
+        y_down=True if down else None,
         facts=facts,
     )
 
 
-def _each_once(path: Path, columns: Mapping[str, Float64], drop: bool) -> dict[str, Float64]:
-    """The columns with one row for each particle and time."""
+def _require_each_once(path: Path, columns: Mapping[str, Float64]) -> None:
+    """Refuses several rows for one particle and time."""
     time = "frame" if "frame" in columns else "t"
     particle, frame = columns["particle"], columns[time]
     order = np.lexsort((frame, particle))
     again = (np.diff(particle[order]) == 0) & (np.diff(frame[order]) == 0)
-    if again.any() and not drop:
+    if again.any():
         row = order[1:][again][0]
         raise DataFileError(
             f"{path} must have one row for every particle and {time}, got particle "
             f"{particle[row]:g} more than once at {time} {frame[row]:g}, and {int(again.sum())} "
-            "such rows: give --drop-duplicates to keep the first row of each, or link the "
-            "particles again"
+            "such rows: link the particles again, or keep the first row of each"
         )
-    kept = np.ones(particle.size, bool)
-    kept[order[1:][again]] = False
-    return {name: values[kept] for name, values in columns.items()}
-
-
-def _read_hdf5(path: Path) -> TextTable:
-    found = hdf5_arrays(path, *TRACTRAC)
-    frame, x, u = (found.get(name, np.empty(0)) for name in TRACTRAC)
-    if frame.ndim != 1 or not x.shape == u.shape == (*frame.shape, 2):
-        raise DataFileError(
-            f"{path} must hold Frame [n], x and u [n, 2] of TracTrac, got {list(frame.shape)}, "
-            f"{list(x.shape)} and {list(u.shape)}: write them again, or the table as CSV"
-        )
-    columns = {"frame": frame, "x": x[:, 0], "y": x[:, 1], "u": u[:, 0], "v": u[:, 1]}
-    return TextTable(columns, {}, tuple(map(column, columns)), comment="TracTrac")

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float64, Int8, plain_array
-from granpinn.data.rules import FRACTION_TOLERANCE
+from granpinn.data.schema import FRACTION_TOLERANCE
 from granpinn.declared import require_fields
 from granpinn.errors import BadInput
 from granpinn.physics.unit_text import MAX_CHARACTERS, is_short
@@ -26,6 +26,7 @@ MAX_FACT = 200  # characters
 MAX_MESSAGE = 600
 # The fact of vectors that are differences of positions in their file: their unit is length / time.
 TRACK_WINDOW = "track_window"
+IMAGES = "images"  # the fact: numbers of the two images of a pair
 
 
 class DataFileError(BadInput):

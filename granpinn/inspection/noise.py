@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -62,30 +60,14 @@ class MeasuredNoise(Noise, Record):
     def reasons(self, of: Inspection) -> list[Reason]:
         if self.negligible or self.sigma is None:
             return []
-        found, mean, error = [], self.averaged > 1, self.stated
-        if mean and error and self.in_space and error > 2 * self.in_space:
-            found.append(
-                f"The frames of this steady flow differ by {error / self.in_space:.1f} times the "
-                "noise of their vectors: the flow still drifts, or the record is too short for a "
-                "mean."
-            )
-        if self.in_time and self.in_space and not 0.5 < self.in_time / self.in_space < 2:
-            why = "the cells are wider than the layers that shear; use smaller windows."
-            if of.filmed.particles is not None:
-                why = "the vectors of a frame are too sparse for the layers that shear."
-            if self.in_time > self.in_space:
-                why = "neighboring vectors share their errors, or frames are too far apart."
-            ratio = self.in_time / self.in_space
-            found.append(f"Noise seen in time is {ratio:.1f} times that in space: {why}")
-        if error and not mean and not 0.67 < error / self.sigma < 1.5:
-            found.append(
-                "The file states a standard deviation that the vectors contradict: they scatter "
-                f"{self.sigma / error:.2g} times as much. Correct sigma_u and sigma_v."
-            )
-        return [Reason(ADVICE, text) for text in found]
-
-    def figures(self) -> dict[str, tuple[str, Callable[[Inspection], Any]]]:
-        return {"noise": ("Noise", _map)}
+        error = self.stated
+        if not error or self.averaged > 1 or 0.67 < error / self.sigma < 1.5:
+            return []
+        text = (
+            "The file states a standard deviation that the vectors contradict: they scatter "
+            f"{self.sigma / error:.2g} times as much. Correct sigma_u and sigma_v."
+        )
+        return [Reason(ADVICE, text)]
 
 
 def make(inspection: Inspection) -> MeasuredNoise:
@@ -110,15 +92,6 @@ def _stated(flow: Flow) -> float | None:
         return None
     used = [sigma[flow.valid] if sigma.ndim == 3 else sigma for sigma in sigmas]
     return math.hypot(*(float(np.median(sigma)) for sigma in used)) / math.sqrt(2)
-
-
-def _map(inspection: Inspection) -> Any:
-    """The noise of one component, cell by cell."""
-    from granpinn.figures.maps import map_of_grid
-    from granpinn.figures.style import label
-
-    values = inspection.facts.noise_cells * inspection.scales.velocity
-    return map_of_grid(inspection.flow, values, label(r"$\sigma$", inspection.velocity_unit))
 
 
 CHECK = Check("noise", MeasuredNoise, make, seconds=0.03, quick=False)

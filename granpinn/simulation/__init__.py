@@ -1,18 +1,16 @@
-"""The simulator: collapses, chutes and silos of grains with a known friction law."""
+"""The simulator: collapses and chutes of grains with a known friction law."""
 
 from granpinn.simulation.chute import Chute
 from granpinn.simulation.engine import Engine, SimulationError, State, StepReport
 from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.run import demo_path, simulate
 from granpinn.simulation.scene import Scene
-from granpinn.simulation.silo import Silo
 
 __all__ = [
     "Chute",
     "Collapse",
     "Engine",
     "Scene",
-    "Silo",
     "SimulationError",
     "State",
     "StepReport",

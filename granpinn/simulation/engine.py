@@ -50,7 +50,6 @@ class StepReport:
         viscous_error, pressure_error: energy norms relative to that of gravity in one step.
         largest_divergence: largest volume error of a cell, relative.
         largest_speed: of any face.
-        outflow: volume of the grains that left through the floor, as an area.
         window: cells that were computed, (x, y).
     """
 
@@ -62,7 +61,6 @@ class StepReport:
     pressure_error: float
     largest_divergence: float
     largest_speed: float
-    outflow: float
     window: tuple[int, int]
 
 
@@ -130,21 +128,12 @@ class Engine:
     def time(self) -> float:
         return float(self._solver.time)
 
-    def set_friction_factor(self, factor: Float64) -> None:
-        """A factor on the friction at the cell centers of the box [cells_y, cells_x], from now on.
-
-        For material that differs from place to place or changes in time; 1 until it is set.
-
-        Raises:
-            ValueError: the shape is another, or a value is negative or not finite.
-        """
-        self._solver.set_friction_factor(factor)
-
     def step(self, largest: float, count: int = 1) -> StepReport:
         """A time step: the longest stable one that divides the time `largest`; the last of
         `count` such steps."""
         with _named_errors():
-            return StepReport(**self._solver.step(largest, count))
+            report = self._solver.step(largest, count)
+        return StepReport(**{name: report[name] for name in StepReport.__dataclass_fields__})
 
     def state(self) -> State:
         return State(**self._solver.state())
@@ -173,7 +162,6 @@ def solver_parameters(scene: Scene) -> _collapse.Parameters:
     }
     left, right = scene.side_conditions
     values["left"], values["right"] = getattr(_collapse.Side, left), getattr(_collapse.Side, right)
-    values["open_from"], values["open_to"] = scene.opening
     same = ("cohesion", "eta_min", "eta_max", "density", "air_density", "air_viscosity")
     grid = ("cells_x", "cells_y", "spacing", "chunk", "largest_step")
     for name in (*same, *grid, "cfl", "threads"):

@@ -1,10 +1,9 @@
 """Collects the frames of a simulation and makes a flow of them.
 
 Velocity and pressure are recorded at every `stride`-th cell center. They are NaN unless the cell
-holds nothing but grains. A frame without such a point, of a silo that is empty, is left out. The
-surface of a collapse consists of all cells of the full grid with |c - 0.5| < 0.1, as in the paper.
-In a chute or a silo it is the height of the grains in every column of cells, with the pressure of
-the air above: an even surface lies between two rows.
+holds nothing but grains. The surface of a collapse consists of all cells of the full grid with
+|c - 0.5| < 0.1, as in the paper. In a chute it is the height of the grains in every column of
+cells, with the pressure of the air above: an even surface lies between two rows.
 """
 
 from __future__ import annotations
@@ -36,8 +35,6 @@ class Recorder:
         """Adds a frame: fields at the strided cell centers, and all surface points."""
         step, h = self.scene.stride, self.scene.spacing
         fields = {"u": state.u_center, "v": state.v_center, "p": state.p, "c": state.c}
-        if not (state.c[::step, ::step] >= 1).any():
-            return
         self.frames.append({name: field[::step, ::step].copy() for name, field in fields.items()})
         self.times.append(time)
         x, y, p = (column_heights if self.scene.LEVEL_SURFACE else half_full_cells)(state, h)
@@ -66,7 +63,6 @@ class Recorder:
             c=arrays["c"],
             p=arrays["p"],
             surface=Surface(t, x, y, p.astype(np.float32)) if len(points) else None,
-            walls=s.walls(),
             **self.constants(),
         )
 
@@ -118,11 +114,8 @@ def half_full_cells(state: State, h: float) -> tuple[Floats, Floats, Floats]:
 
 
 def column_heights(state: State, h: float) -> tuple[Floats, Floats, Floats]:
-    """x of the columns of cells, the height of their grains and the pressure of the air above.
-
-    Columns whose lowest cell is not even half full have no surface: they are above an opening.
-    """
-    i = np.flatnonzero(state.c[0] >= 0.5)
-    cells: Float64 = state.c[:, i].sum(axis=0)
+    """x of the columns of cells, the height of their grains and the pressure of the air above."""
+    cells: Float64 = state.c.sum(axis=0)
+    i = np.arange(cells.size)
     j = np.minimum(np.ceil(cells - 1e-6).astype(int), len(state.c) - 1)
     return (i + 0.5) * h, cells * h, state.p[j, i]

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from granpinn.config import ConfigError
-from granpinn.data.constants import check_constants
 from granpinn.data.flow import Flow, FlowFileError
+from granpinn.data.rules import check_constants
 from granpinn.data.writer import write_flow
 from granpinn.declared import checked
 from granpinn.errors import Interrupted

@@ -19,7 +19,6 @@ from granpinn.arrays import Float64
 from granpinn.config import ConfigError, SideWalls, setting
 from granpinn.config.fields import settings_of
 from granpinn.config.values import typed
-from granpinn.data.flow import Walls as WallLines
 from granpinn.physics.law_values import CompleteLaw
 from granpinn.physics.laws import FrictionLaw
 
@@ -44,7 +43,7 @@ USUAL_THREADS = 4
 
 @dataclass(frozen=True)
 class Scene(CompleteLaw, ABC):
-    """Grains that are released at t = 0: the base of `Collapse`, `Chute` and `Silo`.
+    """Grains that are released at t = 0: the base of `Collapse` and `Chute`.
 
     The first fields are the parameters of the friction law, such as mu_s, mu_2, I0, then `law`.
 
@@ -70,8 +69,7 @@ class Scene(CompleteLaw, ABC):
     )
     t_end: float | None = setting(
         None,
-        "last time; none: 5 for the paper's column, scaled; of a chute 2 (H/d) sqrt(H/g); of a "
-        "silo about the time in which half leaves",
+        "last time; none: 5 for the paper's column, scaled; of a chute 2 (H/d) sqrt(H/g)",
         **SIZE,
     )
     frames: int = setting(
@@ -183,15 +181,6 @@ class Scene(CompleteLaw, ABC):
     def side_conditions(self) -> tuple[str, str]:
         """Names of the solver's conditions on the left and the right side."""
         return "free_slip", "no_slip"
-
-    @property
-    def opening(self) -> tuple[int, int]:
-        """The cell edges between which the floor is open; the same number twice: nowhere."""
-        return 0, 0
-
-    def walls(self) -> WallLines | None:
-        """Walls that the flow file states; none: those of a collapse or a chute."""
-        return None
 
     @abstractmethod
     def start_fraction(self) -> Float64:

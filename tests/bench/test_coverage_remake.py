@@ -17,7 +17,9 @@ def as_asked(name: str, folder: Path) -> bool:
     """Whether the table of the repository has the flows and the steps that the words ask for."""
     asked = run.options(remake.words_of(name, folder, folder, []))
     with table.PATH.open(newline="") as file:
-        found = [cells for cells in csv.DictReader(file) if cells["population"] == name]
+        rows = (cells for cells in csv.DictReader(file) if cells["population"] == name)
+        # Silos, which the simulator no longer has: bench/studies/coverage/materials.py.
+        found = [cells for cells in rows if cells["law"] != "silo"]
     same = [cells["name"] for cells in found] == [task.name for task in asked.tasks]
     return same and all(
         len(cells["mu_s"].split()) == asked.config.members

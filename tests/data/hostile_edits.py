@@ -204,7 +204,7 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         "got reference",
     ),
     "empty density": (lambda f: f.attrs.create("density", h5py.Empty("f8")), "got no value"),
-    "negative density": (lambda f: f.attrs.create("density", -2.0), "density must be a positive"),
+    "negative density": (lambda f: f.attrs.create("density", -2.0), "density must be from"),
     "two densities": (lambda f: f.attrs.create("density", [1.0, 2.0]), "density must be one"),
     "zero densities": (lambda f: f.attrs.create("density", np.empty(0)), "got 0: correct it"),
     "no grain diameter": (lambda f: f.attrs.pop("grain_diameter"), "grain_diameter is missing"),
@@ -223,7 +223,7 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         lambda f: [_set_values(f, name, slice(3, 5), np.nan) for name in "uv"],
         "only NaN in 2 of 12 frames",
     ),
-    "infinity": (lambda f: _set_values(f, "u", (3, 0, 0), np.inf), "u must be finite"),
+    "infinity": (lambda f: _set_values(f, "u", (3, 0, 0), np.inf), "u must be from"),
     "no grains": (lambda f: _set_values(f, "c", ..., 0.5), "c must be 1 where"),
     "time stands still": (lambda f: _set_values(f, "t", 3, f["t"][2]), "t must increase"),
 }

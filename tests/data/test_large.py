@@ -86,10 +86,10 @@ def test_slabs_hold_every_frame_once(path: Path) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "found"),
     [
-        ("u", np.inf, "u must be finite.*at 1 of 15360 points"),
+        ("u", np.inf, "u must be from .* got inf"),
         ("v", np.nan, "got 1 where only one of them is"),
-        ("c", 1.5, "c must be a volume fraction from 0 to 1 everywhere, got 0 to 1.5"),
-        ("c", np.nan, "c must be a volume fraction from 0 to 1 everywhere, got nan"),
+        ("c", 1.5, "c must be from -1e-06 to 1, got 1.5"),
+        ("c", np.nan, "c must be from -1e-06 to 1, got nan"),
     ],
 )
 def test_faults_of_the_last_slab_are_found(
@@ -129,7 +129,6 @@ def test_no_estimate_joins_two_runs(path: Path) -> None:
     assert len(facts.view.t) == 20 + BETWEEN_RUNS
     assert facts.view.count.sum() == runs.valid.sum()
     assert np.abs(facts.slopes.du[:, 0]).max() < 1e-9
-    assert np.nanmax(facts.noise_cells) == 0.0
     assert facts.independent(12345) * facts.noise.vectors_per_independent == 12345
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import runpy
@@ -9,10 +10,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
+import numpy as np
+import pytest
 import torch
 
 import granpinn
-from granpinn.data import write_flow
+from granpinn.data import FlowFileWarning, read_flow, write_flow
 from tests.flows import make_flow
 
 GUIDES = Path(__file__).parents[2] / "docs" / "guides"
@@ -46,3 +50,53 @@ def test_a_step_of_another_equation_changes_the_network(tmp_path: Path) -> None:
     before = granpinn.SwishNetwork(1, (64, 64, 64), (-1, 0, 0), (1, 0, 1))
     assert found["residual"].shape == (2048, 1)
     assert not torch.equal(net.params, before.params)
+
+
+def test_files_of_opyf_become_a_flow(tmp_path: Path) -> None:
+    """Y from the top, zeros are no vectors, and the depths are the free surface."""
+    (text,) = BLOCK.findall((GUIDES / "opyf-experiment.md").read_text())
+    t, x, y = 0.01 * np.arange(16), np.linspace(0, 1, 12), np.linspace(0.5, 0, 6)
+    wider = np.append(x, 1.2)
+    depth = 0.35 - 0.02 * wider + t[:, None]
+    there = (t > 0.12)[:, None, None] & (y[None, :, None] <= depth[:, None, :12])
+    with h5py.File(tmp_path / "Run_02_gridded_velocity.hdf5", "w") as file:
+        file["coordinates/T"], file["coordinates/X"], file["coordinates/Y"] = t, x, y
+        file["variables/Ux"] = np.where(there, 0.1 + y[:, None] * x, 0)
+        file["variables/Uy"] = np.where(there, -0.2 * y[:, None] + 0 * x, 0)
+    with h5py.File(tmp_path / "Run_02_depths.hdf5", "w") as file:
+        file["coordinates/time"], file["coordinates/x"] = t, wider
+        file["variables/depth"] = depth
+    (tmp_path / "convert.py").write_text(text)
+    with contextlib.chdir(tmp_path), pytest.warns(FlowFileWarning, match="1 of 4 frames hold no"):
+        runpy.run_path("convert.py")
+    flow = read_flow(tmp_path / "run02.h5")
+    np.testing.assert_allclose(flow.t, [0.01, 0.02, 0.03])
+    np.testing.assert_array_equal(np.isfinite(flow.u)[:, ::-1], there[13:])
+    np.testing.assert_allclose(flow.v[0, 1], -0.02, rtol=1e-6)
+    assert flow.surface is not None
+    np.testing.assert_allclose(np.sort(flow.surface.y), np.sort(depth[13:, :12].ravel()))
+
+
+def test_meshes_become_a_flow(tmp_path: Path) -> None:
+    """Cells of an unstructured grid, in any order, are a grid again."""
+    pyvista = pytest.importorskip("pyvista")
+    (text,) = BLOCK.findall((GUIDES / "importing.md").read_text())
+    flow = make_flow()
+    rng = np.random.default_rng(0)
+    for k in range(3):
+        shape = (flow.x.size + 1, flow.y.size + 1, 2)
+        grid = pyvista.ImageData(dimensions=shape, spacing=(0.1, 0.1, 0.1))
+        grid.cell_data["alpha.grains"] = flow.c[k].ravel()
+        u, v = (np.nan_to_num(a[k]).ravel() for a in (flow.u, flow.v))
+        grid.cell_data["U"] = np.stack([u, v, 0 * u], axis=1)
+        grid.extract_cells(rng.permutation(grid.n_cells)).save(tmp_path / f"flow-{k / 10}.vtu")
+    (tmp_path / "convert.py").write_text(text)
+    with contextlib.chdir(tmp_path):
+        runpy.run_path("convert.py")
+    found = read_flow(tmp_path / "flow.h5")
+    np.testing.assert_allclose(found.t, [0.0, 0.1, 0.2])
+    np.testing.assert_allclose(found.x, 0.05 + 0.1 * np.arange(flow.x.size), rtol=1e-6)
+    np.testing.assert_array_equal(found.c, flow.c[:3])
+    there = flow.valid[:3]
+    np.testing.assert_allclose(found.u[there], flow.u[:3][there], rtol=1e-6)
+    assert found.surface is not None

@@ -7,9 +7,6 @@ import pytest
 
 from granpinn.data import Flow, Particles, add_noise, particle_flow
 from granpinn.data.noise import max_speed
-from granpinn.data.scaling import scales_of
-from granpinn.estimates.noise import noise_map
-from granpinn.estimates.view import view_of
 from granpinn.inspection import inspect
 
 pytestmark = pytest.mark.usefixtures("no_balance")
@@ -48,7 +45,7 @@ def test_noise_of_a_grid(demo: Flow, seed: int, sd: float) -> None:
     found = inspect(add_noise(demo, sd, seed))
     expected = sd * max_speed(demo)
     noise = found["noise"]
-    for estimate in (noise.sigma, noise.u, noise.v, noise.in_space):
+    for estimate in (noise.sigma, noise.u, noise.v):
         assert estimate is not None
         assert estimate == pytest.approx(expected, rel=TOLERANCE)
     assert found["noise"].relative == pytest.approx(sd, rel=TOLERANCE)
@@ -100,19 +97,3 @@ def test_noise_of_neighbors_that_share_pixels(demo: Flow, seed: int) -> None:
     assert found["noise"].sigma == pytest.approx(sigma, rel=0.1)
     # Correlation 1/2 with either neighbor in x and y: (1 + 2/2)^2.
     assert found["noise"].vectors_per_independent == pytest.approx(4, rel=0.2)
-
-
-def test_noise_map_shows_where(demo: Flow, seed: int) -> None:
-    """Twice the noise on the right half."""
-    scales = scales_of(demo)
-    flow = add_noise(demo, 0.02, seed)
-    half = demo.x.size // 2
-    u, v = (
-        np.where(np.arange(demo.x.size) < half, n, 2 * n - a)
-        for n, a in ((flow.u, demo.u), (flow.v, demo.v))
-    )
-    cells = noise_map(
-        view_of(replace(flow, u=u.astype(np.float32), v=v.astype(np.float32)), scales)
-    )
-    left, right = (np.nanmedian(part) for part in (cells[:, :half], cells[:, half:]))
-    assert right / left == pytest.approx(2, rel=0.1)

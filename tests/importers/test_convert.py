@@ -14,6 +14,7 @@ from granpinn.config import Network
 from granpinn.data import FlowFileWarning, read_flow
 from granpinn.importers import DataFileError, Validity, read, read_vectors
 from tests.importers import scene
+from tests.importers.test_other_piv import openpiv
 from tests.importers.test_pivlab_text import export
 from tests.importers.test_tracks import motion, write_csv
 
@@ -36,7 +37,7 @@ def test_pivlab_series(tmp_path: Path, series: list[str], capsys: Any) -> None:
     out = tmp_path / "flow.h5"
     assert run(*series, "--out", out, *CAMERA, *MATERIAL, "--tilt", "-1.2 deg") == 0
     text = capsys.readouterr().out
-    assert "PIVlab text, any header, 3 files: 3 frames, 7 x 9 vectors px/frame" in text
+    assert "PIVlab text, 3 files: 3 frames, 7 x 9 vectors px/frame" in text
     assert f"next: granpinn train {out} --out run" in text
     flow = read_flow(out)
     assert (flow.length_unit, flow.time_unit, flow.density_unit) == ("m", "s", "kg/m^3")
@@ -54,7 +55,7 @@ def test_pivlab_series(tmp_path: Path, series: list[str], capsys: Any) -> None:
     assert np.isnan(flow.u[~valid]).all()
     assert flow.surface is not None
     assert flow.attributes["scale"] == "0.5 mm/px"
-    assert flow.attributes["source"] == "PIVlab text, any header"
+    assert flow.attributes["source"] == "PIVlab text"
 
 
 def test_interpolated_vectors_are_used_only_if_asked_for(tmp_path: Path, series: list[str]) -> None:
@@ -127,7 +128,7 @@ def test_everything_that_is_missing_is_named_at_once(series: list[str], capsys: 
 
 
 def test_units_that_the_files_do_not_say(tmp_path: Path, capsys: Any) -> None:
-    files = [export(tmp_path / f"a{k}.txt", k, header=False) for k in range(3)]
+    files = [openpiv(tmp_path / f"a{k}.txt", k) for k in range(3)]
     assert run(*files, "--out", tmp_path / "f.h5", *CAMERA, *MATERIAL) == 2
     text = capsys.readouterr().err
     assert "--length-unit (the files do not say the unit of x and y)" in text
@@ -143,7 +144,10 @@ WRONG = {
     "flag": (["a.txt", "--out", "f.h5", "--scael", "1"], "unrecognized arguments"),
     "folder": (["a.txt", "--out", "nowhere/f.h5"], "must lie in an existing folder"),
     "format": (["FILE", "--out", "f.h5", "--format", "tiff"], "--format must be auto or one of"),
-    "wrong format": (["FILE", "--out", "f.h5", "--format", "openpiv"], "FILE, line 1: expected n"),
+    "wrong format": (
+        ["FILE", "--out", "f.h5", "--format", "openpiv"],
+        "FILE must begin with '# x y u v flags mask', got",
+    ),
     "scale": (
         ["FILE", "--out", "f.h5", "--scale", "2 mm", *CAMERA[2:], *MATERIAL],
         "--scale must be a positive length per pixel such as '0.12 mm/px', got '2 mm'",

@@ -1,4 +1,4 @@
-"""Attacks on flow files, MATLAB 7.3, netCDF4, tracks and fields.h5: refused, no file is opened."""
+"""Attacks on flow files, MATLAB 7.3 and fields.h5: refused, no file is opened."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from granpinn.results import FieldsFileError, read_fields, write_fields
 from tests.data.hostile_containers import ATTACKS, make_outside
 from tests.flows import make_flow
 from tests.importers.test_pivlab_mat import all_frames, one_frame, version_73
-from tests.importers.test_simulation_files import dataset
 from tests.opened import watched
 from tests.results.test_fields import full
 
@@ -29,18 +28,6 @@ def matlab(path: Path) -> Path:
 
 def cells(path: Path) -> Path:
     return version_73(path, all_frames())
-
-
-def netcdf(path: Path) -> Path:
-    dataset().to_netcdf(path, engine="h5netcdf")
-    return path
-
-
-def tracks(path: Path) -> Path:
-    with h5py.File(path, "w") as file:
-        file["Frame"] = np.zeros(6)
-        file["x"] = file["u"] = np.zeros((6, 2))
-    return path
 
 
 def fields(path: Path) -> Path:
@@ -59,8 +46,6 @@ Read = Callable[[Path], Any]
 CONTAINERS: dict[str, tuple[str, Callable[[Path], Path], str, Read]] = {
     "matlab": ("a.mat", matlab, "u", lambda p: read_vectors(p, "pivlab-mat")),
     "cell": ("a.mat", cells, "#refs#/u_filtered0", lambda p: read_vectors(p, "pivlab-mat")),
-    "netcdf": ("a.nc", netcdf, "u", lambda p: read_vectors(p, "netcdf")),
-    "tracks": ("a.h5", tracks, "x", lambda p: read_vectors(p, "tracks")),
     "fields": ("fields.h5", fields, "u", read_fields),
     "flow": ("flow.h5", flow, "u", read_flow),
 }

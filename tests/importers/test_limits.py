@@ -104,7 +104,7 @@ def test_hostile_text_is_one_sentence(
 def test_devices_and_pipes_are_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.txt")
     for path in (tmp_path / "pipe.txt", Path("/dev/zero")):
-        with pytest.raises(DataFileError, match="got a device or a pipe"):
+        with pytest.raises(DataFileError, match="must be a file, got a device, a pipe"):
             read_vectors(path)
         with pytest.raises(DataFileError, match="this is no regular file"):
             TextFile(path)

@@ -18,20 +18,18 @@ def openpiv(
     k: int = 0,
     *,
     view: scene.View = scene.PIXELS,
-    flags: bool = True,
     gone: str = "0.0",
     delimiter: str = "\t",
     **style: str,
 ) -> Path:
-    """`openpiv.tools.save`: masked vectors are written as 0.0; before 0.25 it had no flags."""
+    """`openpiv.tools.save`: masked vectors are written as 0.0."""
     kinds = {Validity.INVALID: 1, Validity.INTERPOLATED: 2}
     rows = []
     for x, y, u, v, code in scene.table(k, view):
-        filled = code != Validity.MASKED if flags else code == Validity.VALID
+        filled = code != Validity.MASKED
         cells = scene.text(x, y) + (scene.text(u, v) if filled else [gone, gone])
-        more = (kinds.get(code, 0), code == Validity.MASKED) if flags else (1.5,)
-        rows.append(cells + scene.text(*more))
-    names = ["x", "y", "u", "v", "flags", "mask"] if flags else []
+        rows.append(cells + scene.text(kinds.get(code, 0), code == Validity.MASKED))
+    names = ["x", "y", "u", "v", "flags", "mask"]
     return scene.write_table(path, [], names, rows, title="# {}", delimiter=delimiter, **style)
 
 
@@ -87,10 +85,6 @@ def test_openpiv_samples() -> None:
     assert new.y_down is False
     # Line 7 of the file is the sixth vector of the uppermost row.
     assert (new.u[0, -1, 5], new.v[0, -1, 5]) == (-2.6715e-09, -8.2549e02)
-    old = read_vectors(SAMPLES / "openpiv_5col_exp1_001_b.txt")
-    assert old.count(Validity.VALID) == old.u.size == 660
-    assert old.y_down is True
-    assert (old.x[1], old.y[0], old.u[0, 0, 1], old.v[0, 0, 1]) == (32, 16, -0.2141, 5.3176)
 
 
 def test_insight_sample() -> None:

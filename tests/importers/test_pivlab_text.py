@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from granpinn.importers import Validity, read_vectors
+from granpinn.importers import DataFileError, Validity, read_vectors
 from tests.importers import scene
 
 KIND = {Validity.VALID: 1, Validity.INTERPOLATED: 2, Validity.INVALID: 2, Validity.MASKED: 0}
@@ -65,20 +66,12 @@ def test_a_series_is_sorted_by_number(tmp_path: Path) -> None:
     assert fields.time_unit == "frame"
 
 
-def test_tecplot_zeros_are_not_vectors(tmp_path: Path) -> None:
-    """The Tecplot export writes 0 with a column isNaN, and mixes up m/s and m/frame."""
-    lines = [
-        "# PIVlab by W.Th. & E.J.S., TECPLOT output - 01-Jan-2026",
-        "# FRAME: 1, filenames: a & b, conversion factor xy (px -> m): 0.001, conversion ...",
-        "# x [m] y [m] u [m/frame] v [m/frame] isNaN?",
-        'TITLE = "PIVlab frame: 1"',
-        'VARIABLES = "x", "y", "u", "v", "isNaN"',
-        'ZONE I=9, J=7, K=1, F=POINT, T="1"',
-    ]
-    rows = scene.table(0)
-    for x, y, u, v, code in rows[np.lexsort((rows[:, 1], rows[:, 0]))]:
-        gone = code == Validity.MASKED
-        lines.append(f"{x} {y} {0 if gone else u} {0 if gone else v} {int(gone)}")
-    fields = read_vectors(scene.write_lines(tmp_path / "a.dat", lines))
-    scene.check(fields, 1)
-    assert fields.velocity_unit is None
+@pytest.mark.parametrize("form", ["tecplot", "no names"])
+def test_columns_without_one_line_of_names_are_refused(tmp_path: Path, form: str) -> None:
+    """The Tecplot export mixes up m/s and m/frame."""
+    path = export(tmp_path / "a.txt", header=False)
+    first, second, *rows = path.read_text().splitlines()
+    more = ["x [m] y [m] u [m/frame] v [m/frame] isNaN?", 'TITLE = "PIVlab frame: 1"']
+    lines = [first, second, *(more if form == "tecplot" else []), *rows]
+    with pytest.raises(DataFileError, match="must have one line with the names of its columns"):
+        read_vectors(scene.write_lines(path, lines))

@@ -107,12 +107,6 @@ SETTLED: dict[str, tuple[dict[str, Any], dict[str, Any], float]] = {
         {"frame_rate": "500 Hz", "velocity_unit": "m/frame"},
         0.05,
     ),
-    "forced time": ({"xy": 1e-4, "uv": 1e-4}, {"frame_rate": "500 Hz", "force": True}, 0.05),
-    "forced scale": (
-        {"xy": 1e-4, "uv": 0.05},
-        {"frame_rate": "500 Hz", "scale": "0.2 mm/px", "force": True},
-        0.1,
-    ),
     "not calibrated": ({}, {"frame_rate": "500 Hz", "scale": "0.1 mm/px"}, 0.05),
 }
 
@@ -122,39 +116,36 @@ def test_what_agrees_or_is_settled_is_read(tmp_path: Path, name: str) -> None:
     written, settings, u = SETTLED[name]
     flow = flow_of(pivlab(tmp_path, FILM, **written), **settings)
     np.testing.assert_allclose(flow.u, u, rtol=1e-6)
-    spacing = 16 * (2e-4 if "scale" in settings and settings.get("force") else 1e-4)
-    np.testing.assert_allclose(np.diff(flow.x), spacing, rtol=1e-6)
+    np.testing.assert_allclose(np.diff(flow.x), 16e-4, rtol=1e-6)
 
 
 PAIRS = {
-    "2 apart": [(1, 3), (2, 4), (3, 5)],
-    "3 apart, no image twice": [(1, 4), (5, 8), (9, 12)],
-    "of several lengths": [(1, 2), (2, 4), (3, 4), (4, 7)],
-    "a lost pair": [(1, 2), (2, 3), (4, 5), (5, 6)],
+    "2 apart": ([(1, 3), (2, 4), (3, 5)], {}, "missing: pulse_delay"),
+    "3 apart, no image twice": ([(1, 4), (5, 8), (9, 12)], {}, "missing: pulse_delay"),
+    "of several lengths": ([(1, 2), (2, 4), (3, 4), (4, 7)], {}, "p1.txt has images that are 2"),
+    "a lost pair": (
+        [(1, 2), (2, 3), (4, 5), (5, 6)],
+        {},
+        "missing: times ",
+    ),
+    "double frames": ([(1, 2), (3, 4), (5, 6)], {}, ""),
+    "2 apart, with their delay": ([(1, 3), (2, 4), (3, 5)], {"pulse_delay": "4 ms"}, ""),
 }
 
 
 @pytest.mark.parametrize("name", PAIRS)
-def test_every_pair_has_its_own_time(tmp_path: Path, name: str) -> None:
+def test_pairs_of_images_that_do_not_follow_each_other(tmp_path: Path, name: str) -> None:
     """All grains move by 1 px from image to image, 0.1 mm in 2 ms."""
-    pairs = PAIRS[name]
-    step = 4 if "no image" in name else 1
-    flow = flow_of(pivlab(tmp_path, pairs), scale="0.1 mm/px", frame_rate=f"{500 / step} Hz")
-    np.testing.assert_allclose(flow.u, 0.05, rtol=1e-6)
-    middle = np.sum(pairs, axis=1) / 2
-    np.testing.assert_allclose(flow.t - flow.t[0], (middle - middle[0]) * 2e-3, atol=1e-9)
-
-
-def test_pairs_of_several_lengths_have_no_common_factor(tmp_path: Path) -> None:
-    files = pivlab(tmp_path, PAIRS["of several lengths"], xy=1e-4, uv=0.05)
-    with pytest.raises(DataFileError, match=r"p1.txt has images that are 2 apart, and those of"):
-        flow_of(files, frame_rate="500 Hz")
-
-
-def test_names_of_images_contradict_a_delay(tmp_path: Path) -> None:
-    files = pivlab(tmp_path, PAIRS["2 apart"])
-    with pytest.raises(DataFileError, match="numbering of the images says 4 ms, pulse"):
-        flow_of(files, scale="0.1 mm/px", frame_rate="500 Hz", pulse_delay="2 ms")
+    pairs, settings, message = PAIRS[name]
+    files, settings = (
+        pivlab(tmp_path, pairs),
+        {"scale": "0.1 mm/px", "frame_rate": "500 Hz"} | settings,
+    )
+    if message:
+        with pytest.raises(DataFileError, match=message):
+            flow_of(files, **settings)
+    else:
+        np.testing.assert_allclose(flow_of(files, **settings).u, 0.05, rtol=1e-6)
 
 
 def arrays(**units: Any) -> dict[str, Any]:
@@ -170,5 +161,3 @@ def test_other_formats_follow_the_same_rule() -> None:
     flow_of(arrays(), frame_rate="100 Hz")
     with pytest.raises(DataFileError, match="velocity unit is stated twice"):
         flow_of(arrays(), velocity_unit="m/s")
-    with pytest.warns(FlowFileWarning, match="--scale 0.1 mm/px changes nothing"):
-        read(arrays(), scale="0.1 mm/px", surface="none", **MATERIAL)

@@ -168,8 +168,6 @@ def test_wrong_lines_are_refused(tmp_path: Path) -> None:
         read(masked(), surface=late, **MATERIAL)
     with pytest.raises(DataFileError, match="c.csv: there is no such file"):
         read(masked(), surface=str(tmp_path / "c.csv"), **MATERIAL)
-    with pytest.raises(DataFileError, match="surface fraction needs a fraction, got none"):
-        read(masked(), surface="fraction", **MATERIAL)
 
 
 def test_vectors_alone_give_grains_but_no_surface() -> None:

@@ -66,26 +66,19 @@ def test_one_grain_far_away_takes_no_memory() -> None:
 MATERIAL = {"grain_diameter": "10 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
 
 
-def table(folder: Path, sign: float, fall: float) -> Path:
-    """Velocities of tracks in mm; with the sign -1, y points down."""
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_tracks_in_a_unit_of_length(tmp_path: Path, sign: float) -> None:
+    """They need no other unit, and their surface comes with its standard deviation."""
     t, x, y = grains()
     rows = ["t_s,x_mm,y_mm,vx,vy"]
     for a, b, c in zip(t, x, y, strict=True):
-        u, v = 100 * c, sign * (50 * (b - 0.5) - fall)
+        u, v = 100 * c, sign * (50 * (b - 0.5) - 100)
         rows.append(f"{a},{1e3 * b},{sign * 1e3 * c},{u},{v}")
-    (folder / "a.csv").write_text("\n".join(rows))
-    return folder / "a.csv"
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_gravity_decides_where_y_points(tmp_path: Path, sign: float) -> None:
-    """Tracks in mm need no other unit, and their surface comes with its standard deviation."""
-    said: list[str] = []
-    path = table(tmp_path, sign, 100.0)
-    flow = convert(path, Settings(**MATERIAL, velocity_unit="mm/s"), said.append)
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    settings = Settings(**MATERIAL, velocity_unit="mm/s", flip_y="no" if sign > 0 else "yes")
+    flow = convert(tmp_path / "a.csv", settings)
     assert flow.particles is not None
     assert flow.particles.v.mean() == pytest.approx(-0.1, rel=0.1)
-    assert any(line.startswith("y points " + ("up" if sign > 0 else "down")) for line in said)
     assert flow.surface is not None
     high = flow.surface.y[np.argsort(flow.surface.x)]
     assert high[:50].mean() > high[-50:].mean()

@@ -5,13 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 
 from granpinn.importers import DataFileError, read, read_vectors
-from granpinn.importers.formats import detect
-from granpinn.importers.opyf import read_depths
 from tests.importers import scene
 
 MATERIAL = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
@@ -102,9 +99,6 @@ def test_rows_of_one_particle_and_frame(tmp_path: Path) -> None:
     path.write_text(table() + "3,7,1000,1000\n")
     with pytest.raises(DataFileError, match="got particle 7 more than once at frame 3, and 1 such"):
         read_vectors(path)
-    kept = read_vectors(path, options={"drop_duplicates": True})
-    assert kept.u.size == len(rows())
-    assert kept.x.max() < 500
 
 
 def tractrac_text(folder: Path) -> Path:
@@ -112,15 +106,6 @@ def tractrac_text(folder: Path) -> Path:
     names = "#  Frame ID x y Vx Vy Vx(prediction) Vy(prediction)"
     (folder / "a.txt").write_text(table(names, "fpxyuvuv", " ", above=above))
     return folder / "a.txt"
-
-
-def tractrac_hdf5(folder: Path) -> Path:
-    frame, particle, x, y, u, v = rows().T
-    with h5py.File(folder / "a.hdf5", "w") as file:
-        file["Frame"] = frame.astype(np.uint16)
-        file["Id"] = (particle % 8).astype(np.uint16)  # wraps
-        file["x"], file["u"] = np.stack([x, y], 1), np.stack([u, v], 1)
-    return folder / "a.hdf5"
 
 
 def opyf_csv(folder: Path) -> list[Path]:
@@ -131,54 +116,18 @@ def opyf_csv(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.csv"))
 
 
-def opyf_hdf5(folder: Path) -> Path:
-    with h5py.File(folder / "scattered.hdf5", "w") as file:
-        file["time"] = np.arange(float(FRAMES)) * 2  # "10.0" sorts before "2.0"
-        for k in range(FRAMES):
-            now = rows()[rows()[:, 0] == k]
-            file[f"coordinates/{2.0 * k}"] = now[:, 2:4]
-            file[f"velocities/{2.0 * k}"] = now[:, 4:]
-    return folder / "scattered.hdf5"
-
-
 PROGRAMS = {
-    "TracTrac text": (tractrac_text, "px", "px/frame", 1),
-    "TracTrac HDF5": (tractrac_hdf5, "px", "px/frame", 1),
-    "opyf CSV": (opyf_csv, "px", "px/frame", 1),
-    "opyf HDF5": (opyf_hdf5, None, None, 2),
+    "TracTrac": (tractrac_text, None, None),
+    "opyf": (opyf_csv, "px", "px/frame"),
 }
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_velocities_of_programs_are_taken_as_measured(tmp_path: Path, name: str) -> None:
-    write, length, velocity, step = PROGRAMS[name]
+    write, length, velocity = PROGRAMS[name]
     fields = read_vectors(write(tmp_path))
     assert (fields.length_unit, fields.velocity_unit) == (length, velocity)
     found, expected = (np.lexsort(a) for a in ((fields.u, fields.t), (rows()[:, 4], rows()[:, 0])))
-    np.testing.assert_allclose(fields.t[found], step * rows()[expected, 0])
+    np.testing.assert_allclose(fields.t[found], rows()[expected, 0])
     for values, k in ((fields.x, 2), (fields.y, 3), (fields.u, 4), (fields.v, 5)):
         np.testing.assert_allclose(values[found], rows()[expected, k], rtol=1e-7)
-
-
-def test_opyf_on_a_grid_with_depths(tmp_path: Path) -> None:
-    """Y from the top, zeros are no vectors, and the depths are the free surface."""
-    t, x, y = 0.01 * np.arange(4), np.linspace(0, 1, 12), np.linspace(0.5, 0, 6)
-    depth = 0.35 - 0.02 * x + 2 * t[:, None]
-    there = y[None, :, None] <= depth[:, None]
-    with h5py.File(tmp_path / "grid.hdf5", "w") as file:
-        file["coordinates/T"], file["coordinates/X"], file["coordinates/Y"] = t, x, y
-        file["variables/Ux"] = np.where(there, 0.1 + y[:, None] * x, 0)
-        file["variables/Uy"] = np.where(there, -0.2 * y[:, None] + 0 * x, 0)
-    with h5py.File(tmp_path / "depths.hdf5", "w") as file:
-        file["coordinates/time"], file["coordinates/x"], file["variables/depth"] = t, x, depth
-    units = {"length_unit": "m", "velocity_unit": "m/s", "time_unit": "s"}
-    surface = str(tmp_path / "depths.hdf5")
-    assert detect(tmp_path / "grid.hdf5") == "opyf"
-    flow = read(tmp_path / "grid.hdf5", surface=surface, **units, **MATERIAL)
-    np.testing.assert_array_equal(np.isfinite(flow.u[0])[::-1], there[0])
-    np.testing.assert_allclose(flow.v[0, 1], -0.02, rtol=1e-6)
-    assert flow.surface is not None
-    np.testing.assert_allclose(np.sort(flow.surface.y), np.sort(depth.ravel()))
-    assert read_depths(tmp_path / "depths.hdf5").columns["t"].size == depth.size
-    with pytest.raises(DataFileError, match="must hold velocities, got depths"):
-        read_vectors(tmp_path / "depths.hdf5")

@@ -1,7 +1,8 @@
-"""LaVision's .vc7 and .set, through frames as lvpyio gives them."""
+"""LaVision's .vc7, through frames as lvpyio gives them."""
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -67,7 +68,7 @@ def use(library: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     answer = SimpleNamespace(keep=lambda values: values)
     monkeypatch.setattr(davis_reader, "installed", lambda name: True)
 
-    def read_file(name: str, path: Path, size: Any, least_bytes: int) -> Any:
+    def read_file(name: str, path: Path, least_bytes: int) -> Any:
         assert least_bytes <= 2**28  # damaged sizes in a small file take no more memory
         return reader.read(path, answer)
 
@@ -100,39 +101,39 @@ def test_vc7_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def vc7(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Reads frames as if lvpyio had found them in the buffers of a set."""
-    from contextlib import nullcontext
-    from types import SimpleNamespace as Space
-
-    path = tmp_path / "B.set"
+    """Reads the frames of a buffer as if lvpyio had found them."""
+    path = tmp_path / "B1.vc7"
     path.write_bytes(bytes(64))
-    path.with_suffix("").mkdir()
 
-    def read(*buffers: list[Any]) -> Any:
-        library = Space(read_set=lambda name: nullcontext(buffers))
-        use(library, monkeypatch)
+    def read(*frames: Any) -> Any:
+        use(SimpleNamespace(read_buffer=lambda name: frames), monkeypatch)
         return read_vectors(path)
 
     return read
 
 
-def test_vc7_converts_every_scale_by_its_own_unit(vc7: Any) -> None:
+def test_vc7_has_one_unit_of_a_kind(vc7: Any) -> None:
     sigma = Component([np.ones((2, 3))])
     sigma.scale = type("Scale", (), {"slope": 1.0, "unit": "mm/s"})
     given = {"TS:Uncertainty Vx": sigma, "TS:Uncertainty Vy": sigma}
-    one = vc7([frame(np.zeros((2, 3)))])
-    other = vc7([frame(np.zeros((2, 3)), "m", **given)])
-    np.testing.assert_allclose(other.y, 1e3 * one.y)
-    np.testing.assert_allclose(other.sigma_u, 1e-3)
-    assert (other.length_unit, other.velocity_unit) == ("mm", "m/s")
+    with pytest.raises(DataFileError, match="velocity unit in all columns, got u in m/s and sigma"):
+        vc7(frame(np.zeros((2, 3)), **given))
+    with pytest.raises(DataFileError, match="length unit in all columns, got x in mm and y in m"):
+        vc7(frame(np.zeros((2, 3)), "m"))
 
 
 def test_vc7_takes_no_first_of_several(vc7: Any) -> None:
-    first, moved = frame(np.zeros((2, 3))), frame(np.zeros((2, 3)))
-    moved.scales.x.offset = 0.5
-    with pytest.raises(DataFileError, match="must have one grid and one set of units"):
-        vc7([first], [moved])
-    with pytest.raises(DataFileError, match="must have one grid and one set of units"):
-        vc7([first], [frame(np.zeros((2, 3)), "m")])
+    one = frame(np.zeros((2, 3)))
     with pytest.raises(ValueError, match="a buffer holds 2 frames"):
-        vc7([first, first])
+        vc7(one, one)
+
+
+def test_devices_and_pipes(tmp_path: Path) -> None:
+    pipe, link = tmp_path / "a.vc7", tmp_path / "b.vc7"
+    os.mkfifo(pipe)
+    link.symlink_to("/dev/zero")
+    for path in (pipe, link):
+        with pytest.raises(DataFileError, match="no regular file|needs LaVision's package"):
+            davis_reader.read_vc7(path)
+        with pytest.raises(DataFileError, match="must be a file, got a device, a pipe"):
+            read_vectors(path)

@@ -31,7 +31,7 @@ def test_what_it_prints_and_writes(
     assert numbers["precision"]["expected"]["mu_s"] > 0
     assert numbers["momentum_balance"]["mean"]["mu"] == pytest.approx(0.44, abs=0.03)
     assert "The momentum balance alone, without a network, gives mu = 0." in " ".join(printed)
-    for name in ("validity", "speed", "inertial_number", "noise"):
+    for name in ("validity", "speed", "inertial_number"):
         pixels = np.asarray(Image.open(out / f"{name}.png"))
         assert len(np.unique(pixels.reshape(-1, pixels.shape[-1]), axis=0)) > 50
 

@@ -79,7 +79,7 @@ ABSURD: dict[str, tuple[Callable[[], Flow], str, str]] = {
     "times": (uneven_times, UNUSUAL, "frames follow each other by 1e-06 to"),
     "zeros": (zeros_for_gaps, UNUSUAL, "vectors are exactly zero: if there was no vector, write"),
     "stress": (pressed(1e8), IMPROBABLE, "wall_p is up to 7.1e+03 times the weight of the grains"),
-    "huge stress": (pressed(1e38), IMPOSSIBLE, "times the weight of the grains: check its unit"),
+    "huge stress": (pressed(1e20), IMPOSSIBLE, "times the weight of the grains: check its unit"),
     "one body": (
         lambda: make_flow(
             u=np.where(np.isfinite(HEAP.u), np.float32(1), np.float32(np.nan)),

@@ -46,7 +46,7 @@ def test_the_row_holds_values_intervals_and_units(tmp_path: Path) -> None:
 
 def test_the_reader_of_paraview_finds_every_value(run_dir: Path, contents: Contents) -> None:
     """On an uneven grid, whose points stay where they are."""
-    pyvista = pytest.importorskip("pyvista", reason="pyvista, extra mesh, is not installed")
+    pyvista = pytest.importorskip("pyvista", reason="pyvista is not installed")
     from vtkmodules.vtkIONetCDF import vtkNetCDFCFReader
 
     fields = uneven(contents.fields)

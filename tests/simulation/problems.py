@@ -105,14 +105,10 @@ def dissipation(s: Parameters, state: dict[str, Array]) -> float:
     """The integral of 2 eta D:D on floor and sides without slip; none on open sides."""
     u, v, eta = state["u"], state["v"], state["eta_center"]
     normal = np.diff(u, axis=1) ** 2 + np.diff(v, axis=0) ** 2
-    column = np.arange(u.shape[1] - 1)
-    opening = (column >= s.open_from) & (column < s.open_to)
-    # Half a cell of wall beside half a cell of opening, at the ends of the opening.
-    wall = np.convolve(~opening, [0.5, 0.5], mode="same")[1:]
     # A gradient over half a cell in half a cell of a wall: 2.
     shear = np.diff(np.pad(u, ((1, 1), (0, 0))), axis=0) + np.diff(np.pad(v, ((0, 0), (1, 1))))
     share = np.ones_like(shear)
-    share[0, 1:-1] = 2 * wall
+    share[0, 1:-1] = 2
     share[-1] = 0  # open
     for side, at in ((s.left, 0), (s.right, -1)):
         share[:, at] *= 2 if side == Side.no_slip else 0

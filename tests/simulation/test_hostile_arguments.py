@@ -17,13 +17,11 @@ from granpinn.simulation import Collapse, run
 VALUES = ["0", "-1", "nan", "inf", "1e308", "5e-324", str(2**31), str(2**63), "", "text", "1,2"]
 NAMES = [("collapse", field.name) for field in dataclasses.fields(Collapse)]
 NAMES += [("chute", name) for name in ("slope", "g", "period", "cells", "stride", "height", "d")]
-NAMES += [("silo", name) for name in ("width", "outlet", "sides", "g", "cells", "stride", "d")]
 # Small enough to run where a value is accepted.
 BASE = {"cells": "32", "frames": "2", "t_end": "0.02", "stride": "1", "threads": "1",
         "box_width": "10", "height": "5", "aspect": "2"}  # fmt: skip
 CHUTE = {"cells": "8", "frames": "2", "t_end": "0.02", "threads": "1", "height": "5"}
-SILO = {"cells": "16", "frames": "2", "t_end": "0.02", "threads": "1", "height": "5"}
-BASES = {"collapse": BASE, "chute": CHUTE, "silo": SILO}
+BASES = {"collapse": BASE, "chute": CHUTE}
 ACCEPTED = {  # whatever else is accepted, is wrong
     "cohesion": {"0", "5e-324", str(2**31), str(2**63)},
     "air_density": {str(2**31)},
@@ -37,9 +35,7 @@ ACCEPTED = {  # whatever else is accepted, is wrong
     "I0": {str(2**31), str(2**63)},
 }
 ACCEPTED_OF_CHUTE = {"slope": {"0", "5e-324"}, "g": {str(2**31)}, "height": {str(2**31)}}
-
-ACCEPTED_OF_SILO = {"g": {str(2**31)}}
-ALL_ACCEPTED = {"collapse": ACCEPTED, "chute": ACCEPTED_OF_CHUTE, "silo": ACCEPTED_OF_SILO}
+ALL_ACCEPTED = {"collapse": ACCEPTED, "chute": ACCEPTED_OF_CHUTE}
 
 
 def flags(base: dict[str, str] = BASE, **values: str) -> list[str]:
@@ -115,18 +111,6 @@ WORDS = {
         "--cells 4": "cells must be in [8, 8192], got 4",
         "--t-end 1e9": "the free fall from the top of the layer",
     },
-    "silo": {
-        "--outlet 6 --width 5": "outlet must be at most the width 5 of the silo",
-        "--outlet 0.1": "the opening must be at least 4 cells wide, got 1.3",
-        "--cells 60": "cells must be a multiple of 8, got 60",
-        "--width 100": "the filling must be at least 8 cells high, got 6.4",
-        "--width 0.01 --d 1e-3": "must be at most 16376 cells high, got 64000",
-        "--d 2": "d, the grain diameter, must be smaller than the opening, 1.25 wide",
-        "--stride 9": "stride must leave two points across the opening",
-        "--sides sticky": "sides must be one of rough, smooth, got 'sticky'",
-        "--slope 20": "--slope is a setting of a chute, and this is a silo",
-        "--t-end 1e9": "the free fall from the top of the filling",
-    },
 }
 REFUSED = [
     (f"{scene} {w}".split(), text) for scene, rows in WORDS.items() for w, text in rows.items()
@@ -135,7 +119,7 @@ FOUND_BY_ATTACKS = [
     ({"threads": "10000"}, "threads must be in [1, 256], got 10000"),
     ({"cells": "2147483648"}, "cells must be in [32, 16384], got 2147483648"),
     ({"frames": "1e308"}, "frames must be"),
-    ({"mu_s": "0"}, "true_mu_s must be a positive number"),
+    ({"mu_s": "0"}, "true_mu_s must be from 1e-30"),
     ({"eta_min": "2e4"}, "eta_min must be below eta_max"),
     ({"eta_min": "1", "eta_max": "1"}, "eta_min must be below eta_max = 1, got 1"),
     ({"d": "3"}, "d, the grain diameter, must be smaller than the column"),

@@ -2,7 +2,8 @@
 
 A varied study draws I0, the grain diameter, the column and its sampling as well, a noisy one the
 noise of every flow. Controls are a fluid of constant viscosity, cohesive grains, collapses played
-backwards, and silos, in which walls carry the grains.
+backwards; silos of grains (bench/studies/grains) are the others. Those of the simulator had its
+scene `Silo`: `git show 531e76e9:granpinn/simulation/silo.py`.
 """
 
 from __future__ import annotations
@@ -19,12 +20,10 @@ from bench.studies.cores import on_all_cores
 from granpinn.data import Flow, read_flow
 from granpinn.simulation import Collapse, simulate
 from granpinn.simulation.scene import Scene
-from granpinn.simulation.silo import Silo
 
 MU_S, SLOPE = (0.2, 0.6), (0.1, 0.3)  # slope: mu_2 - mu_s
 VISCOSITY = (0.3, 3.0)  # of the viscous control, log-uniform; 10 sqrt(10) is the unit of the column
 COHESION = (0.5, 2.0)  # of the cohesive control; the weight of the column is 10
-SILO = {"cells": 64, "stride": 2, "threads": 1}  # across the width of the silo
 LAW = "mu(I)"
 # Of a varied study; diameters are in widths of the usual column, aspects and diameters log-uniform.
 I0, DIAMETER, ASPECT = (0.2, 0.4), (0.0125, 0.05), (3.0, 12.0)
@@ -64,7 +63,7 @@ def draw(
         noisy: whether the noise of the truths is.
     """
     generator = np.random.default_rng(seed)
-    of_flow, of_noise, of_silo = (np.random.default_rng((seed, k)) for k in (2, 3, 4))
+    of_flow, of_noise = (np.random.default_rng((seed, k)) for k in (2, 3))
 
     def material(generator: np.random.Generator) -> dict[str, Any]:
         mu_s, slope = (float(generator.uniform(*limits)) for limits in (MU_S, SLOPE))
@@ -89,8 +88,6 @@ def draw(
             Task(f"{law}-{seed}-{i:04d}", law, Collapse(**material(generator) | change, **settings))
             for law, change in changes.items()
         ]
-        silo = Silo(**material(of_silo) | SILO | {"frames": settings.get("frames", FRAMES[1])})
-        tasks.append(Task(f"silo-{seed}-{i:04d}", "silo", silo))
     return tasks
 
 

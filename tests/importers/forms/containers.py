@@ -1,4 +1,4 @@
-"""PIVlab's MATLAB files, and netCDF and data sets of xarray."""
+"""PIVlab's MATLAB files, and data sets of xarray."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 import xarray
 
 import granpinn
-from granpinn.importers import read
 from tests.importers import scene
 from tests.importers.forms import physical
 from tests.importers.forms.form import FLOAT32, FLOAT64, INT16, Family, Given, odd, plain
@@ -105,27 +104,18 @@ def data_set(
     settings = physical.SETTINGS | {"flip_y": "no" if up else "yes"}
     flow = physical.flow(fraction=whole > 0)
     rounding = ROUNDINGS[store.split()[0]]
-    if holder in ("Dataset", "undecoded"):
-        if holder == "undecoded":
-            path = written(folder, "netcdf3", data, store)
-            data = xarray.open_dataset(path, mask_and_scale=False, decode_times=False)
-        elif " " in store or store == "i2":
-            return None
-        else:
-            data = data.map(partial(stored_variable, store)).assign_coords(data.coords)
-        return Given(partial(granpinn.flow, data, **settings), flow, rounding)
-    return Given(partial(read, written(folder, holder, data, store), **settings), flow, rounding)
+    if holder == "undecoded":
+        data.to_netcdf(folder / "a.nc", engine="scipy", encoding=packing(data, store))
+        data = xarray.open_dataset(folder / "a.nc", mask_and_scale=False, decode_times=False)
+    elif " " in store or store == "i2":
+        return None
+    else:
+        data = data.map(partial(stored_variable, store)).assign_coords(data.coords)
+    return Given(partial(granpinn.flow, data, **settings), flow, rounding)
 
 
 def stored_variable(store: str, variable: Any) -> Any:
     return variable.copy(data=stored(variable.values, store))
-
-
-def written(folder: Path, holder: str, data: Any, store: str) -> Path:
-    """A file of a data set."""
-    engine = "scipy" if holder == "netcdf3" else "h5netcdf"
-    data.to_netcdf(folder / "a.nc", engine=engine, encoding=packing(data, store))
-    return folder / "a.nc"
 
 
 FAMILIES = {
@@ -144,8 +134,9 @@ FAMILIES = {
     "xarray": Family(
         data_set,
         {
-            "holder": plain("netcdf3", "netcdf4", "Dataset", "undecoded"),
-            "units": plain(METERS, "pix pix pix/dt pix/dt", "mm m cm/s mm/s") | odd("m px m/s m/s"),
+            "holder": plain("undecoded", "Dataset"),
+            "units": plain(METERS, "pix pix pix/dt pix/dt", "mm mm mm/s mm/s")
+            | odd("mm m cm/s mm/s"),
             "time": plain("s", "", "frame") | odd("hours since 2020-01-01"),
             "up": plain(True, False),
             "store": plain("f8", "f4", "i2", "f8 _FillValue", ">f4"),

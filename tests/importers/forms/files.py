@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import warnings
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -11,11 +10,10 @@ from typing import Any
 
 import h5py
 import numpy as np
-import xarray
 
 from granpinn.data import Flow, Particles, Surface, read_flow, write_flow
 from tests.importers.forms import physical
-from tests.importers.forms.form import FLOAT16, FLOAT32, FLOAT64, INT16, Family, Given, odd, plain
+from tests.importers.forms.form import FLOAT16, FLOAT32, FLOAT64, Family, Given, odd, plain
 
 VELOCITY = ("u", "v", "particles/u", "particles/v")
 STORAGE: dict[str, dict[str, Any]] = {
@@ -134,42 +132,6 @@ def said(value: Any, how: str) -> Any:
     return value
 
 
-@cache
-def opened() -> Any:
-    """The flow file of the scene as a data set."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "a.h5")
-        write_flow(flow_of("least"), path)
-        with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
-            return data.load()
-
-
-def through_xarray(folder: Path, packing: str, order: str, kept: str) -> Given:
-    """The file opened by xarray and written again."""
-    data = opened()
-    encoding: dict[str, dict[str, Any]] = {}
-    if packing == "i2":
-        packed = {"dtype": "i2", "scale_factor": 2e-5, "_FillValue": np.int16(-32768)}
-        encoding = dict.fromkeys("uv", packed)
-    elif packing in ROUNDINGS:
-        encoding = {name: {"dtype": packing} for name in "uv"}
-    data = data.isel({name: slice(None, None, -1) for name in order})
-    if kept == "in mm":
-        data = data.assign_coords(x=data.x * 1e3)
-        data.x.attrs["units"] = "mm"
-    if kept == "swapped":
-        data = data.transpose("t", "x", "y", ...)
-    engine = "scipy" if packing == "netCDF-3" else "h5netcdf"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        data.to_netcdf(folder / "b.h5", engine=engine, encoding=encoding)
-    if engine == "h5netcdf":  # xarray writes text of any length
-        with h5py.File(folder / "b.h5", "r+") as file:
-            file.attrs.update(parts_of("least")[1])
-    rounding = INT16 * 4 if packing == "i2" else ROUNDINGS.get(packing, FLOAT64)
-    return Given(partial(read_flow, folder / "b.h5"), flow_of("least"), rounding)
-
-
 FAMILIES = {
     "flow file": Family(
         flow_file,
@@ -184,14 +146,6 @@ FAMILIES = {
             "attributes": plain("", "none") | odd("text of any length", "arrays", "float32"),
             "cf": plain("") | odd(*list(CF)[1:]),
             "length": plain("m") | odd("mm"),
-        },
-    ),
-    "flow file through xarray": Family(
-        through_xarray,
-        {
-            "packing": plain("f8", "f4") | odd("i2", "netCDF-3"),
-            "order": plain("") | odd("y", "t"),
-            "kept": plain("") | odd("in mm", "swapped"),
         },
     ),
 }

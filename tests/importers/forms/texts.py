@@ -18,7 +18,7 @@ from tests.importers.test_simulation_files import basilisk
 
 METERS = "m m m/s m/s"
 PIXELS = "px px px/frame px/frame"
-MIXED = plain("m mm m/s m/s", "m m m/s mm/s")
+MIXED = odd("m mm m/s m/s", "m m m/s mm/s")
 MIXED |= odd("m px m/s m/s", "m m px/frame m/s", "mm px m/s px/s")
 SEPARATORS = {",": ",", "comma blank": ", ", ";": ";", "tab": "\t", "blank": " "}
 ENDS: dict[str, dict[str, str]] = {
@@ -68,29 +68,19 @@ def given(files: Any, flow: Any, settings: dict[str, Any], rounding: float = TEX
 
 
 def pivlab(
-    folder: Path, units: str, up: bool, lines: str, types: bool, order: str, gone: str, **more: Any
+    folder: Path, units: str, up: bool, info: bool, types: bool, order: str, gone: str, **more: Any
 ) -> Given | None:
-    header = "header" in lines
-    if not header and (order or units in MIXED):
-        return None
     if not types and (gone in ("0", "9e9") or "4" in order):
         return None
     if not gone and "blank" in more["dialect"]:
         return None
-    seen, info = view(units, up), "info" in lines
-    options = {"view": seen, "info": info, "header": header, "types": types, "gone": gone}
-    files = series(folder, export, order=order, **options, **more)
-    settings = {} if header else {"length_unit": seen.x, "velocity_unit": seen.u}
-    return given(files, physical.flow(), settings)
+    options = {"view": view(units, up), "info": info, "types": types, "gone": gone}
+    return given(series(folder, export, order=order, **options, **more), physical.flow(), {})
 
 
-def openpiv_text(
-    folder: Path, units: str, up: bool, flags: bool, gone: str, order: str, **more: Any
-) -> Given | None:
-    if not flags and (order or gone != "nan"):
-        return None
+def openpiv_text(folder: Path, units: str, up: bool, gone: str, order: str, **more: Any) -> Given:
     seen = view(units, up)
-    files = series(folder, openpiv, view=seen, flags=flags, gone=gone, order=order, **more)
+    files = series(folder, openpiv, view=seen, gone=gone, order=order, **more)
     return given(files, physical.flow(), {"length_unit": seen.x, "velocity_unit": seen.u})
 
 
@@ -124,7 +114,9 @@ def basilisk_text(
     files = series(folder, basilisk, **options, **more)
     for path, t in zip(files, physical.T, strict=True):
         path.rename(folder / f"out-{t:.3f}.txt")
-    settings: dict[str, Any] = {"times": "name"} | ({"fields": names} if names else {})
+    settings: dict[str, Any] = {"times": "name"} | (
+        {"columns": names, "format": "basilisk"} if names else {}
+    )
     flow = physical.flow(gaps=False, fraction=True)
     if units != "none":
         length, velocity = units.split()
@@ -141,7 +133,7 @@ FAMILIES = {
         {
             "units": plain(PIXELS, METERS) | MIXED | odd("mm mm mm/s mm/s"),
             "up": plain(False, True),
-            "lines": plain("info header", "info", "header", ""),
+            "info": plain(True, False),
             "types": plain(True, False),
             "gone": plain("NaN", "0", "", "9e9"),
             "order": plain("", "10", "0132", "4", "01423"),
@@ -154,7 +146,6 @@ FAMILIES = {
         {
             "units": plain(PIXELS, METERS, "mm mm mm/s mm/s", "px px px/s px/s"),
             "up": plain(False, True),
-            "flags": plain(True, False),
             "gone": plain("0.0", "nan", "", "9e9"),
             "order": plain("", "10", "0132", "4"),
             "dialect": styles("tab", "blank"),
