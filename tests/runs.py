@@ -26,14 +26,7 @@ TINY = {
     "network__widths": (9, 7),
     "batch__interior": 33,
     "batch__surface": 6,
-    "simulated_pressure__frames": 2,
 }
-
-# Words of a command that trains for 60 steps and simulates with the law that it found.
-SIMULATED_AGAIN = (
-    *("--steps", "60", "--log-every", "20", "--network.widths", "8,8"),
-    *("--resimulate", "--verbose"),
-)
 
 
 class Heard(Silent):

@@ -43,7 +43,7 @@ from granpinn.training.progress import Silent
 from tests.flows import make_flow
 from tests.runs import TINY
 
-FEW = TINY | {"steps": 3, "simulated_pressure__frames": 0}
+FEW = TINY | {"steps": 3}
 FLOW = make_flow(frames=6, rows=12, columns=10)
 ARRAYS = {name: getattr(FLOW, name) for name in "tyxuv"}
 UNITS = {"length_unit": "m", "time_unit": "s", "velocity_unit": "m/s"}

@@ -30,7 +30,6 @@ TINY: dict[str, Any] = {
     "log_every": 5,
     "network": {"widths": (8, 8)},
     "batch": {"interior": 64, "surface": 16},
-    "simulated_pressure": {"frames": 0},
     "device": "cpu",
 }
 

@@ -41,7 +41,7 @@ DEMONSTRATION = {"out": "granpinn-demo", "steps": 6000}
 # The settings in --help, which has --config and --help-all too; --help-all has the others.
 USUAL = (
     *("out", "level", "law", "recipe", "I0", "seed", "members", "device", "max_time", "steps"),
-    *("checks", "compare_laws", "resimulate", "resume"),
+    *("checks", "compare_laws", "resume"),
 )
 EXAMPLES = """examples:
   python -m granpinn.train

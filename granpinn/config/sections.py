@@ -177,22 +177,3 @@ class Optimizer:
     last_layer: bool = setting(
         True, "end with Gauss-Newton steps in the last layer and the friction law (mixed form)"
     )
-
-
-@dataclass(frozen=True)
-class PressureSettings:
-    """The pressure of a simulation, where the grains are at rest."""
-
-    frames: int = setting(
-        16,
-        "times at which a simulation gives the pressure where the grains are at rest; 0: none",
-        low=0,
-        high=10000,
-    )
-    cells: int | None = setting(
-        None,
-        "cells across its box, and across that of --resimulate; none: those of the solver or of "
-        "the data, at most 512",
-        low=32,
-        high=8192,
-    )

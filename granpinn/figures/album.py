@@ -52,7 +52,7 @@ def fields_of(source: Source) -> Fields:
     """The fields of a run with grains; the message of NothingToDraw names a missing part."""
     if source.fields is None:
         raise NothingToDraw("there is no fields.h5 that can be read")
-    absent = set(VARIABLES) - {"p_reference", "p_simulated"} - set(source.fields.values)
+    absent = set(VARIABLES) - {"p_reference"} - set(source.fields.values)
     if absent:
         raise NothingToDraw(f"fields.h5 lacks {', '.join(sorted(absent))}")
     if not after_start(source.fields).any():

@@ -31,7 +31,6 @@ from granpinn.results import Fields
 from granpinn.results.fields import D2_STAGNANT, shearing
 
 TIME_SHARE = 0.7  # of the last time: the collapse is under way and a stagnant zone has formed
-UNCERTAINTY_MAP = "magma"
 WIDE = 1.3  # maps with a smaller height / width are stacked
 TALLEST = 1.9  # inches of a stacked map
 
@@ -145,43 +144,6 @@ def _compare(
     ]
     caption += f": (a) predicted, (b) {source}, (c) difference. Black: free surface."
     return Drawing(_maps(fields, grain_window(fields, k), shown), caption)
-
-
-@styled
-def simulated_pressure(fields: Fields, k: int) -> Drawing:
-    """The simulated pressure, at the time nearest to frame k that has one.
-
-    Beside it, its difference from the predicted pressure, and from the reference if there is one.
-    """
-    if not np.isfinite(fields.values.get("p_simulated", np.empty(0))).any():
-        raise NothingToDraw("fields.h5 has no simulated pressure")
-    k = frame_with(fields, "p_simulated", k)
-    simulated, unit = fields.frame("p_simulated", k), fields.units.of("pressure")
-    gap, text = np.abs(fields.frame("p", k) - simulated), label(r"$|\Delta p|$", unit)
-    reach = Normalize(0, _quantile(gap, 0.99) or 1.0)
-    shown = [
-        Map("$p$ simulated", simulated, value_norm(simulated), label("$p$", unit)),
-        Map(r"$|\Delta p|$", gap, reach, text, UNCERTAINTY_MAP, "max"),
-    ]
-    caption = f"Simulated pressure in the grains at {_time(fields, k)}: (a) simulated, (b) its "
-    caption += "difference from the predicted pressure"
-    if "p_reference" in fields.values:
-        error = simulated - fields.frame("p_reference", k)
-        shown.append(_difference("error of $p$", error, label(r"$\Delta p$", unit)))
-        caption += ", (c) its error against the reference"
-    return Drawing(
-        _maps(fields, grain_window(fields, k), shown),
-        f"{caption}. Where (b) is large, the motion does not fix the pressure. There the simulated "
-        "pressure is that of a material that creeps at the largest viscosity between the "
-        "simulator's floor and plane of symmetry. Black: free surface.",
-    )
-
-
-def frame_with(fields: Fields, name: str, k: int) -> int:
-    """The frame nearest to frame k at which a variable has values; k if there is none."""
-    known = np.isfinite(fields.values.get(name, np.full(len(fields.index), np.nan)))
-    frames = np.unique(fields.index[known] // (fields.y.size * fields.x.size))
-    return int(frames[np.argmin(np.abs(fields.t[frames] - fields.t[k]))]) if frames.size else k
 
 
 def _difference(title: str, values: Floats, text: str) -> Map:

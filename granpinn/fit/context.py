@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -32,7 +31,6 @@ class Context:
         folder: where the result is written; None: nowhere.
         fields: the predicted fields, where they are kept.
         shear: the points of the fields where grains shear.
-        pool: threads for simulations side by side.
         shown: called with the result whenever it has grown.
     """
 
@@ -46,7 +44,6 @@ class Context:
     folder: Path | None = None
     fields: Fields | None = None
     shear: Shear | None = None
-    pool: Executor | None = None
     shown: Callable[[Result], None] | None = None
 
     def keep(self, result: Result) -> None:

@@ -95,10 +95,6 @@ def score(
         for zone, mask in masks.items():
             reference = values["p_reference"]
             errors[f"pressure{zone}"] = relative_l2(values["p"][mask], reference[mask])
-            if "p_simulated" in values:
-                simulated = mask & np.isfinite(values["p_simulated"])
-                error = relative_l2(values["p_simulated"][simulated], reference[simulated])
-                errors[f"pressure_simulated{zone}"] = error
     return ErrorPercent(**errors)
 
 

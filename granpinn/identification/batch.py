@@ -63,8 +63,8 @@ def identify_many(
 
     Returns:
         The results in the order of `flows`. A member that diverged has a `failure`; the others
-        continue. Without a folder, fields are predicted when they are asked for, without the
-        simulated pressure; in a group of processes there are then no fields and no networks.
+        continue. Without a folder, fields are predicted when they are asked for; in a group of
+        processes there are then no fields and no networks.
 
     Raises:
         As `identify`, except NonFiniteError.
@@ -130,7 +130,6 @@ def side_by_side(
                 progress if group.rank == 0 else None,
                 begin,
                 Processes(group.device),
-                sharers=group.size,
                 on_step=on_step,
             )
         return found if group.size == 1 else _in_order(found, len(flows), root)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -36,7 +35,6 @@ def run(
     together: Processes,
     *,
     alone: bool = False,
-    sharers: int = 1,
     on_step: Callable[[Row], Any] | None = None,
     on_values: Callable[[Result], Any] | None = None,
 ) -> list[Identification]:
@@ -47,7 +45,6 @@ def run(
         parts: where the results of each case are written.
         together: the processes that share every batch; the first one writes.
         alone: there is one case, whose failure raises NonFiniteError; others leave a `failure`.
-        sharers: processes that use the cores of this machine at the same time.
         on_step, on_values: as in `identify`.
 
     Raises:
@@ -104,15 +101,12 @@ def run(
         if first:
             answer.with_intervals(contexts, loop)
         loop.progress.stage(CHECKS)
-        # One pool for all cases: every core simulates as long as frames are left.
-        with threads(max(1, len(os.sched_getaffinity(0)) // sharers)) as pool:
 
-            def finished(context: Context) -> Identification:
-                if first:
-                    answer.with_curve(context, on_values)
-                context.pool = pool
-                for check in checks if first else ():
-                    context.take(check)
-                return answer.kept(context)
+        def finished(context: Context) -> Identification:
+            if first:
+                answer.with_curve(context, on_values)
+            for check in checks if first else ():
+                context.take(check)
+            return answer.kept(context)
 
-            return beside_gpu(finished, contexts, on_gpu)
+        return beside_gpu(finished, contexts, on_gpu)

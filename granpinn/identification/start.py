@@ -24,7 +24,6 @@ from granpinn.training.time_limit import Limit
 ERROR_BARS, CHECKS = "error bars", "checks"  # stages after the training
 LAST_STEPS = 750  # steps that take as long as the last layer
 FIELDS = 200  # steps that take as long as the fields
-LONG = 60.0  # seconds; checks that take longer are not part of a time limit
 
 
 def parts_of(folder: Path, count: int) -> list[Path]:
@@ -51,7 +50,7 @@ def start(
     """The run that trains the cases side by side; it counts its time limit from `begin`.
 
     Args:
-        checks: that follow; the time limit keeps time for the quick ones.
+        checks: that follow; the time limit keeps time for them.
         shown: number of results that are checked.
     """
     device = together.device
@@ -59,24 +58,22 @@ def start(
     require_room(everyone, config, device)
     ranks = (together.rank, together.size)
     objective = Objective(everyone, config.batch, device, ranks, config.precision)
-    quick = shown * sum(check.seconds for check in checks if check.seconds < LONG)
+    after = shown * sum(check.seconds for check in checks)
     steps = LAST_STEPS if config.optimizer.last_layer else 0
     share = 0.0 if config.checks == NONE else assumptions.share(cases)
     limit = None
     if config.max_time is not None:
         later = config.max_time * share / (1 + share)
         limit = Limit(
-            begin + config.max_time, config.max_time, later, steps + FIELDS, quick, len(cases)
+            begin + config.max_time, config.max_time, later, steps + FIELDS, after, len(cases)
         )
     progress = progress or by_default()
-    everything = shown * sum(check.seconds for check in checks)
     stages = [
         Stage(LAST_LAYER, steps=steps),
         Stage(ERROR_BARS, steps=FIELDS, share=share),
-        Stage(CHECKS, everything),
+        Stage(CHECKS, after),
     ]
-    until = limit.until if limit and everything == quick else None
-    progress.plan(stages, until)
+    progress.plan(stages, limit.until if limit else None)
     run = TrainingLoop(objective, config, folder, progress, limit, members, together)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
     many += f"{together.size} processes, " if together.size > 1 else ""

@@ -21,7 +21,7 @@ NAME = "comparison_of_laws"
 NAMES = {"coulomb", "mu_of_i", "regularised", "power", "cohesive", "free"}
 
 
-SETTINGS = {"compare_laws": True, "simulated_pressure__frames": 0}
+SETTINGS = {"compare_laws": True}
 
 
 @pytest.fixture(autouse=True)

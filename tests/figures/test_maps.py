@@ -19,9 +19,6 @@ from tests.run_folder import Array, Contents, with_values
 K = 8
 
 
-SIMULATED = 7  # a frame with a simulated pressure
-
-
 @pytest.fixture
 def fields(contents: Contents) -> Fields:
     return contents.fields
@@ -50,21 +47,6 @@ def test_the_window_holds_all_grains_and_one_cell_more(fields: Fields) -> None:
     cut = fields.c[K, window.rows, window.columns] > 0.5
     assert not cut[-1].any()
     assert cut[-2].any()
-
-
-def test_the_simulated_pressure_and_what_is_open(fields: Fields) -> None:
-    k = SIMULATED
-    drawing = maps.simulated_pressure(fields, k)
-    simulated, gap, error = drawing.figure.axes[:3]
-    p, found = fields.frame("p", k), fields.frame("p_simulated", k)
-    assert np.isfinite(found).any()
-    expected = (found, np.abs(p - found), found - fields.frame("p_reference", k))
-    for axes, values in zip((simulated, gap, error), expected, strict=True):
-        np.testing.assert_array_equal(shown(axes), inside(values))
-    assert mesh(gap).get_clim()[0] == 0
-    assert "the motion does not fix the pressure" in drawing.caption
-    at = f"t = {fields.t[k]:.3g} s"
-    assert drawing.caption.startswith(f"Simulated pressure in the grains at {at}")
 
 
 def test_pressure_beside_its_reference(fields: Fields) -> None:

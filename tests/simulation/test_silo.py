@@ -7,19 +7,15 @@ Leniger and van de Velde 1961).
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import granpinn
 from granpinn.commands import simulate as command
 from granpinn.data import read_flow
-from granpinn.data.flow import Walls
 from granpinn.data.walls import segments_of
-from granpinn.simulation import Collapse, Engine, Silo
-from granpinn.simulation.likeness import initial_column
+from granpinn.simulation import Engine, Silo
 
 LAW = (0.4, 0.64, 0.3)
 
@@ -83,12 +79,3 @@ def test_flow_file_is_that_of_a_silo(tmp_path: Path) -> None:
     left = [[(0, 0.06), (0, 0)], [(0, 0), (11 * h, 0)]]
     right = [[(21 * h, 0), (0.04, 0)], [(0.04, 0), (0.04, 0.06)]]
     np.testing.assert_allclose(walls.ends, np.array(left + right), atol=1e-12)
-
-
-def test_walls_of_a_collapse_are_those_of_the_simulator() -> None:
-    """A file may state the floor, the left wall and the right one, at its box_width."""
-    flow = granpinn.simulate(Collapse(*LAW, cells=64, frames=3, t_end=0.2, stride=2, threads=1))
-    x, y = np.array([0.0, 0.0, 12.0, 12.0]), np.array([12.0, 0.0, 0.0, 12.0])
-    assert not isinstance(initial_column(dataclasses.replace(flow, walls=Walls(x, y))), str)
-    moving = Walls(x, y, u=np.full(4, 0.1), v=np.zeros(4))
-    assert "does not have" in str(initial_column(dataclasses.replace(flow, walls=moving)))

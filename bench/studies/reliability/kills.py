@@ -31,7 +31,6 @@ MOST_FAILURES = 10  # that a mode goes on after
 EARLY = 0.2  # share of the kills before the first checkpoint of a process
 FLAGS = ["--network.widths", "16,16", "--batch.interior", "64", "--batch.surface", "16"]
 FLAGS += ["--log-every", "20", "--checkpoint-every", str(INTERVAL)]
-FLAGS += ["--simulated_pressure.frames", "4"]
 
 
 # Flags and number of processes of every kind of run.
