@@ -45,8 +45,8 @@ from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.scales import Scales
 from granpinn.results.record import Reason
 from granpinn.training import problem, room
+from granpinn.training.device import choose_device
 from granpinn.training.objective import Member
-from granpinn.training.parallel import choose_device
 
 COPIES = 4  # of a network, for the assumptions of one flow (assumptions.py)
 

@@ -34,7 +34,6 @@ from granpinn.results.record import NONE
 from granpinn.results.records import Assumed
 from granpinn.results.result import FlowOfLaw
 from granpinn.training.history import Row
-from granpinn.training.parallel import processes
 from granpinn.training.progress import Progress
 from granpinn.uncertainty import one_law as fitted
 from granpinn.uncertainty.determined import applied, determined_over, over
@@ -62,14 +61,13 @@ def identify_one_law(
         raise ConfigError(
             f"one law of several flows is {DEFAULT.title}, got --law {config.law}: leave it out"
         )
-    rank = processes(config.device).rank
-    with owned(None if rank else folder):
+    with owned(folder):
         if config.checks != NONE:  # what each flow says of I0
             config = dataclasses.replace(config, free_I0=True)
         configs = [config] * len(flows)
         each = side_by_side(flows, configs, config, folder, progress, begin, on_step=on_step)
         found = one_law(each)
-        if folder is not None and rank == 0:
+        if folder is not None:
             write_results(found, folder / "results.json")
             write_csv(found, folder / "results.csv")
         if on_values is not None:

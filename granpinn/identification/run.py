@@ -7,6 +7,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from granpinn.checks import momentum_balance
 from granpinn.checks.comparison_of_laws import companions
 from granpinn.config import Config
@@ -20,7 +22,6 @@ from granpinn.results.record import Check
 from granpinn.simulation.threads import beside_gpu, threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import Row
-from granpinn.training.parallel import Processes
 from granpinn.training.progress import Progress
 
 
@@ -32,7 +33,7 @@ def run(
     parts: Sequence[Path | None],
     progress: Progress | None,
     begin: float,
-    together: Processes,
+    device: torch.device,
     *,
     alone: bool = False,
     on_step: Callable[[Row], Any] | None = None,
@@ -43,14 +44,13 @@ def run(
     Args:
         folder: of the checkpoints.
         parts: where the results of each case are written.
-        together: the processes that share every batch; the first one writes.
         alone: there is one case, whose failure raises NonFiniteError; others leave a `failure`.
         on_step, on_values: as in `identify`.
 
     Raises:
         NonFiniteError: the one case diverged.
     """
-    K, first, on_gpu = config.members, together.rank == 0, together.device.type == "cuda"
+    K, on_gpu = config.members, device.type == "cuda"
     every = [member for case in cases for member in members(case)]
     others = [companions(case) for case in cases]
     behind = [len(every) + sum(map(len, others[:e])) for e in range(len(cases))]
@@ -64,7 +64,7 @@ def run(
             folder,
             progress,
             begin,
-            together,
+            device,
             None if alone and len(everyone) == 1 else places,
             checks,
             len(cases),
@@ -73,7 +73,7 @@ def run(
         at_end.callback(loop.progress.stop)
         with threads(1) as beside:
             ahead = []
-            if on_gpu and first:  # the cores of the CPU are idle
+            if on_gpu:  # the cores of the CPU are idle
                 ahead = [beside.submit(momentum_balance.prepare, case) for case in cases]
             loop.train()
             for later in ahead:  # what has not begun is made by all cores, in its place
@@ -87,25 +87,22 @@ def run(
                 loop,
                 e * K,
                 checks,
-                parts[e] if first else None,
+                parts[e],
                 behind[e],
             )
-            if first:
-                answer.with_fields(context)
+            answer.with_fields(context)
             if not alone:
                 context.fields = None  # those of all cases would not fit into memory
             return context
 
         loop.progress.stage(ERROR_BARS)
         contexts = beside_gpu(valued, range(len(cases)), on_gpu)
-        if first:
-            answer.with_intervals(contexts, loop)
+        answer.with_intervals(contexts, loop)
         loop.progress.stage(CHECKS)
 
         def finished(context: Context) -> Identification:
-            if first:
-                answer.with_curve(context, on_values)
-            for check in checks if first else ():
+            answer.with_curve(context, on_values)
+            for check in checks:
                 context.take(check)
             return answer.kept(context)
 

@@ -21,8 +21,8 @@ from granpinn.laws import register
 from granpinn.output import owned
 from granpinn.physics.laws import FrictionLaw
 from granpinn.results import Result
+from granpinn.training.device import choose_device
 from granpinn.training.history import Row
-from granpinn.training.parallel import processes
 from granpinn.training.progress import Progress
 
 
@@ -41,8 +41,6 @@ def identify(
     **settings: Any,
 ) -> Identification:
     """Identify the friction law of a flow, with its velocity and pressure fields, and check it.
-
-    In a group of processes (granpinn/training/parallel.py) all train this flow; the first writes.
 
     Args:
         flow: a flow, or the path of a flow file; with `one_law` a list of them.
@@ -86,20 +84,18 @@ def identify(
             return identify_one_law(flow, config, folder, progress, on_step, on_values, begin)
         flow = flow[0]
     checks, case = wanted(config), pose(flow, config)
-    together = processes(config.device)
-    with owned(None if together.rank else folder):
-        if folder is not None and together.rank == 0:
+    with owned(folder):
+        if folder is not None:
             prepare(folder, config, config.members)
-        together.barrier()
         (found,) = run(
             [case],
             config,
             checks,
             folder,
             [folder],
-            None if together.rank else progress,
+            progress,
             begin,
-            together,
+            choose_device(config.device),
             alone=True,
             on_step=on_step,
             on_values=on_values,

@@ -7,6 +7,8 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import torch
+
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
 from granpinn.estimates.confined import undetermined
@@ -16,7 +18,6 @@ from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
-from granpinn.training.parallel import Processes
 from granpinn.training.progress import LAST_LAYER, Progress, Stage, by_default
 from granpinn.training.room import require_room
 from granpinn.training.time_limit import Limit
@@ -42,7 +43,7 @@ def start(
     folder: Path | None,
     progress: Progress | None,
     begin: float,
-    together: Processes,
+    device: torch.device,
     members: Sequence[Path | None] | None = None,
     checks: Sequence[Check] = (),
     shown: int = 1,
@@ -53,11 +54,9 @@ def start(
         checks: that follow; the time limit keeps time for them.
         shown: number of results that are checked.
     """
-    device = together.device
     everyone = [case.member for case in cases]
     require_room(everyone, config, device)
-    ranks = (together.rank, together.size)
-    objective = Objective(everyone, config.batch, device, ranks, config.precision)
+    objective = Objective(everyone, config.batch, device, config.precision)
     after = shown * sum(check.seconds for check in checks)
     steps = LAST_STEPS if config.optimizer.last_layer else 0
     share = 0.0 if config.checks == NONE else assumptions.share(cases)
@@ -74,9 +73,8 @@ def start(
         Stage(CHECKS, after),
     ]
     progress.plan(stages, limit.until if limit else None)
-    run = TrainingLoop(objective, config, folder, progress, limit, members, together)
+    run = TrainingLoop(objective, config, folder, progress, limit, members)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
-    many += f"{together.size} processes, " if together.size > 1 else ""
     vectors = sum(len(data.points) for data in objective.distinct)
     walls = sum(len(data.wall_points) for data in objective.distinct)
     between = sum(len(data.between) + len(data.strip) for data in objective.distinct)

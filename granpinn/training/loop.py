@@ -7,7 +7,6 @@ stops at signals, rolls back members that diverge, and keeps a time limit.
 from __future__ import annotations
 
 import math
-import signal
 import time
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -22,7 +21,6 @@ from granpinn.training.checkpoint import RunState
 from granpinn.training.guard import NonFiniteError, require_finite
 from granpinn.training.history import History, Row, median
 from granpinn.training.objective import Objective
-from granpinn.training.parallel import Processes
 from granpinn.training.progress import LAST_LAYER, Progress
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
@@ -38,7 +36,6 @@ class TrainingLoop:
         folder: the run folder; None writes nothing to disk.
         members: folders of the histories of several members; None for a single member, whose
             history is in the run folder.
-        processes: the processes that share the run; the first one writes.
         limit: when the run has to end; None without a time limit.
 
     Attributes:
@@ -56,11 +53,9 @@ class TrainingLoop:
         progress: Progress,
         limit: time_limit.Limit | None = None,
         members: Sequence[Path | None] | None = None,
-        processes: Processes | None = None,
     ) -> None:
         require_finite(objective.tensors())
         self.config = config
-        self.processes = processes or Processes(objective.pool.points.device)
         self.single = members is None
         self.progress = progress
         self.limit = limit
@@ -68,15 +63,14 @@ class TrainingLoop:
         self.on_step: Callable[[Row], Any] | None = None
         self.checkpoints = None if folder is None else folder / "checkpoint"
         parts = [folder] if members is None else members
-        writes = self.processes.rank == 0
         self.histories = [
-            History(part / "history.csv" if part and writes else None, law)
+            History(part / "history.csv" if part else None, law)
             for part, law in zip(parts, objective.laws, strict=False)
         ]
         self.objective = objective
         self.at_most = _steps(config, max(len(m.data.points) for m in objective.members))
         schedule = Schedule(self.at_most, config.optimizer)
-        self.trainer = Trainer(objective, schedule, config, self.processes)
+        self.trainer = Trainer(objective, schedule, config)
         self.wall_s = 0.0
 
     @cached_property
@@ -90,7 +84,6 @@ class TrainingLoop:
         trainer = self.trainer
         try:
             resumed = self.config.resume and self._resume()
-            self.processes.barrier()  # the other processes must look before files are written
             if not resumed:
                 self._begin()
             self.progress.start(trainer.schedule.total, trainer.step)
@@ -148,7 +141,7 @@ class TrainingLoop:
 
     def _loop(self, signals: Signals) -> None:
         trainer, config = self.trainer, self.config
-        while not trainer.finished and not self._stopping(signals):
+        while not trainer.finished and signals.received is None:
             before, row, due = trainer.step, False, False
             try:
                 trainer.advance()
@@ -168,9 +161,8 @@ class TrainingLoop:
         self._save()
         where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
         message = f"stopped at step {trainer.step}{where}"
-        if self._stopping(signals):
-            # None: another process received one
-            raise Interrupted(signals.received or signal.SIGTERM, message)
+        if signals.received is not None:
+            raise Interrupted(signals.received, message)
         signals.stop_at_once(message)
         until = math.inf
         if self.limit is not None:
@@ -179,9 +171,6 @@ class TrainingLoop:
         self.progress.stage(LAST_LAYER)
         trainer.solve_last_layer(until)
         self.wall_s = self.before + time.monotonic() - self.started
-
-    def _stopping(self, signals: Signals) -> bool:
-        return self.processes.stopping(signals.received is not None)
 
     def _log(self) -> None:
         now = time.monotonic()
@@ -193,8 +182,7 @@ class TrainingLoop:
         trainer.remember()
         row = median([row for e, row in enumerate(rows) if e not in trainer.diverged])
         self.progress.show(row)
-        ends = self.on_step is not None and bool(self.on_step(row))
-        if self.processes.broadcast([ends])[0] and not trainer.finished:
+        if self.on_step is not None and self.on_step(row) and not trainer.finished:
             self._end_here()
         if self.limit is not None and not trainer.finished:
             self._correct_schedule(now, self.limit)
@@ -217,10 +205,6 @@ class TrainingLoop:
             since = (self.corrected_step, self.corrected)
             schedule = time_limit.corrected(trainer, since, limit, self.at_most)
             self.corrected, self.corrected_step = now, trainer.step
-        total, step, progress = self.processes.broadcast(
-            [schedule.total, schedule.from_step, schedule.from_progress]
-        )
-        schedule = Schedule(int(total), schedule.settings, int(step), progress)
         if schedule != trainer.schedule:
             trainer.schedule = schedule
             trainer.remember()
@@ -254,7 +238,7 @@ class TrainingLoop:
             )
 
     def _save(self) -> None:
-        if self.checkpoints is None or self.processes.rank > 0:
+        if self.checkpoints is None:
             return
         self.wall_s = self.before + time.monotonic() - self.started
         settings, members, data_sha256 = self.identity

@@ -65,8 +65,7 @@ def schedule_within(limit: Limit, trainer: Trainer, at_most: int) -> Schedule:
         for in_prefit, part in ((True, prefit), (False, 1 - prefit))
         if part > 0
     )
-    (total,) = trainer.processes.broadcast([_steps(limit, pace, at_most)])
-    return Schedule(int(total), schedule.settings)
+    return Schedule(_steps(limit, pace, at_most), schedule.settings)
 
 
 def corrected(trainer: Trainer, since: tuple[int, float], limit: Limit, at_most: int) -> Schedule:
@@ -92,11 +91,7 @@ def _pace(trainer: Trainer, prefit: bool) -> float:
     trainer.remember()
     times: list[float] = []
     begin = time.monotonic()
-    while any(
-        trainer.processes.broadcast(
-            [len(times) < WARM_UP + 3, time.monotonic() - begin < PROBE_SECONDS]
-        )
-    ):
+    while len(times) < WARM_UP + 3 or time.monotonic() - begin < PROBE_SECONDS:
         start, before = time.monotonic(), trainer.step
         trainer.advance()
         times.append((time.monotonic() - start) / (trainer.step - before))

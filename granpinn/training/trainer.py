@@ -25,7 +25,6 @@ from granpinn.training.last_layer import last_layer, mean_length
 from granpinn.training.law_variables import LawVariables
 from granpinn.training.objective import Evaluation, Member, Objective
 from granpinn.training.optimise import BatchOptimizer
-from granpinn.training.parallel import Processes
 from granpinn.training.schedule import ControlTable, Position, Schedule
 
 ROLLBACK = 0.5  # factor on every learning rate of a member after a rollback
@@ -43,13 +42,7 @@ class Trainer:
             without kernels, where each step is called.
     """
 
-    def __init__(
-        self,
-        objective: Objective,
-        schedule: Schedule,
-        config: Config,
-        processes: Processes | None = None,
-    ) -> None:
+    def __init__(self, objective: Objective, schedule: Schedule, config: Config) -> None:
         members, device = objective.members, objective.pool.points.device
         starts = [
             initial_parameters(m.problem.spec, m.seed, config.network.initialization)
@@ -58,7 +51,6 @@ class Trainer:
         self.objective = objective
         self.schedule = schedule
         self.config = config
-        self.processes = processes or Processes(device)
         self.params = torch.stack(starts).to(objective.pool.points)
         self.law_variables = LawVariables(
             [m.law for m in members],
@@ -155,8 +147,7 @@ class Trainer:
 
     def _misfit(self) -> list[float]:
         """The misfit of the velocity of every member after the pre-fit."""
-        misfit = self.objective.misfit(self.step, self.params, self.law_variables.theta)
-        found = self.processes.broadcast(misfit)
+        found = self.objective.misfit(self.step, self.params, self.law_variables.theta)
         text = f"the misfit of the velocity became NaN or infinite in step {self.step + 1}"
         bad = {e: text for e, m in enumerate(found) if not math.isfinite(m)}
         if new := {e: text for e in bad if e not in self.diverged}:
@@ -166,7 +157,6 @@ class Trainer:
     def one_step(self, prefit: bool) -> Evaluation:
         """Make the step at the counter of `control`, without a copy from device to host."""
         e = self.objective.evaluate(self.control, self.params, self.law_variables.theta, prefit)
-        e = self.processes.all_reduce(e)
         self.optimizer.step(e.loss, e.grad_params, e.grad_theta, law_moves=not prefit)
         return e
 

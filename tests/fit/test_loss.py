@@ -13,7 +13,7 @@ from granpinn.data import Flow
 from granpinn.fit.case import pose
 from granpinn.fit.ensemble import final_terms
 from granpinn.identification.start import start
-from granpinn.training.parallel import processes
+from granpinn.training.device import choose_device
 from tests.data.walled import FLOOR
 from tests.runs import tiny
 
@@ -21,7 +21,7 @@ from tests.runs import tiny
 def test_final_loss_is_that_of_all_points_below_the_highest_vectors(flow: Flow) -> None:
     config = tiny(dtype="float64", optimizer__average=0.3)
     cases = [pose(replace(flow, walls=FLOOR), config)]
-    run = start(cases, config, None, None, time.monotonic(), processes("cpu"))
+    run = start(cases, config, None, None, time.monotonic(), choose_device("cpu"))
     run.train()
     found = final_terms(run.trainer, 0)
     objective = run.trainer.objective

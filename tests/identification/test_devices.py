@@ -23,7 +23,7 @@ from granpinn.fit.case import Model, members, pose
 from granpinn.fit.prediction import predict
 from granpinn.identification.start import start
 from granpinn.physics.laws import DEFAULT
-from granpinn.training.parallel import processes
+from granpinn.training.device import choose_device
 from tests.runs import tiny
 
 NO_GPU = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
@@ -54,7 +54,9 @@ def settings(tmp_path: Path) -> Path:
 def test_fields_are_those_of_the_cpu(device: str, flow: Flow) -> None:
     config = tiny(device=device, steps=50, members=2)
     cases = members(pose(flow, config))
-    run = start(cases, config, None, None, time.monotonic(), processes(config.device), [None] * 2)
+    run = start(
+        cases, config, None, None, time.monotonic(), choose_device(config.device), [None] * 2
+    )
     run.train()
     for e, case in enumerate(cases):
         params, theta = run.trainer.solution(e)

@@ -15,9 +15,9 @@ from granpinn.data import Flow
 from granpinn.fit.case import pose
 from granpinn.identification.start import start
 from granpinn.results import Result
+from granpinn.training.device import choose_device
 from granpinn.training.history import Row
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.parallel import processes
 from granpinn.training.progress import Silent
 from tests.flows import make_flow
 from tests.runs import tiny
@@ -110,7 +110,7 @@ def make_run(flow: Flow, members: int) -> TrainingLoop:
         dataclasses.replace(case, member=dataclasses.replace(case.member, seed=seed))
         for seed in range(members)
     ]
-    return start(cases, config, None, None, 0.0, processes("cpu"), [None] * members)
+    return start(cases, config, None, None, 0.0, choose_device("cpu"), [None] * members)
 
 
 def spoil(run: TrainingLoop, member: int, steps: set[int]) -> None:

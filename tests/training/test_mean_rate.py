@@ -13,11 +13,11 @@ from granpinn.identification.start import start
 from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import DEFAULT
 from granpinn.training import last_layer
+from granpinn.training.device import choose_device
 from granpinn.training.features import Features, coefficients
 from granpinn.training.last_layer import FEWER, mean_length
 from granpinn.training.last_layer_sums import Sums, Unknowns, choose
 from granpinn.training.objective import Member
-from granpinn.training.parallel import processes
 from granpinn.training.progress import Silent
 from tests.runs import tiny
 from tests.training.test_last_layer import PHYSICS, SPEC, THETA, draw, problem
@@ -55,7 +55,7 @@ def test_what_follows_the_step_has_its_length(
     monkeypatch.setattr(last_layer, "CONTRADICTED", factor)
     config = tiny(steps=60)
     run = start(
-        members(pose(flow, config)), config, None, Silent(), time.monotonic(), processes("cpu")
+        members(pose(flow, config)), config, None, Silent(), time.monotonic(), choose_device("cpu")
     )
     run.train()
     ended = run.trainer.ended(0)

@@ -20,7 +20,7 @@ from granpinn.identification import start
 from granpinn.identification.batch import identify_many
 from granpinn.identification.single import identify
 from granpinn.results.records import Assumed
-from granpinn.training.parallel import processes
+from granpinn.training.device import choose_device
 from granpinn.uncertainty import sensitivity
 from granpinn.uncertainty.error_bars import judge
 from granpinn.uncertainty.error_model import Known
@@ -133,6 +133,6 @@ def test_a_time_limit_keeps_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert assumptions.share(cases) == 0.25
     assert assumptions.share(cases[1:]) == 0
     config = tiny(max_time=100.0, steps=None)
-    with_rest = start.start(cases[:1], config, None, None, 0.0, processes("cpu"))
+    with_rest = start.start(cases[:1], config, None, None, 0.0, choose_device("cpu"))
     assert with_rest.limit is not None
     assert with_rest.limit.later == pytest.approx(20.0)
