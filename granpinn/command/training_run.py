@@ -24,7 +24,7 @@ from granpinn.terminal import say
 from granpinn.training import progress
 
 REPORT = "report"
-FIGURES = progress.Stage("figures", seconds=4.5)
+FIGURES = 4.5  # seconds that the figures and the page take
 
 
 def run(config: Config, verbose: bool = False, begin: float | None = None) -> int:
@@ -57,7 +57,7 @@ def _identified(config: Config, verbose: bool, begin: float) -> Result:
     assert config.out is not None
     folder = Path(config.out)
     flows = [config.flow, *config.further_flows]
-    listener = progress.automatic([FIGURES])
+    listener = progress.automatic()
     # matplotlib takes a second to load; the training leaves the interpreter idle
     Thread(target=import_module, args=("granpinn.report.page",)).start()
     with ExitStack() as at_end:
@@ -68,9 +68,9 @@ def _identified(config: Config, verbose: bool, begin: float) -> Result:
             one_law=len(flows) > 1,
             run_dir=folder,
             progress=listener,
-            reserve=time.monotonic() - begin + FIGURES.seconds,
+            reserve=time.monotonic() - begin + FIGURES,
         )
-        listener.stage(FIGURES.name)
+        listener.stage("figures")
         for k in range(len(result.flows)):
             attempt(partial(report.build, folder / f"{k:03d}"))
         page = attempt(lambda: report.build(folder))

@@ -71,10 +71,6 @@ FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
     "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, fields_of(s))),
     "pressure": ("Pressure", lambda s: maps.pressure_fields(fields_of(s), s.frame)),
     "velocity": ("Speed", lambda s: maps.velocity_fields(fields_of(s), s.frame)),
-    "momentum_residual": (
-        "Momentum residual",
-        lambda s: maps.momentum_residual(fields_of(s), s.frame),
-    ),
     "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
 }
 

@@ -107,15 +107,6 @@ class Plots:
         return panels
 
     @checked
-    def residual(self, t: float | None = None, ax: Axes | None = None) -> Axes:
-        """Map of the residual of the momentum equation, in units of the weight."""
-        found = self._fields()
-        k = maps.frame_at(found, t)
-        (ax,) = _panels(1, 1, None if ax is None else [ax])
-        maps.draw_residual(ax, found, maps.grain_window(found, k), f"$t$ = {found.t[k]:.4g}")
-        return ax
-
-    @checked
     def history(self, axes: Sequence[Axes] | Panels | None = None) -> Panels:
         """The identified values, and the loss with its terms, against the step: two panels."""
         panels = _panels(2, 1, axes)

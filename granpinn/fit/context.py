@@ -81,14 +81,10 @@ class Context:
         fields = self.fields = self.predicted()
         cohesion = self.model.law.cohesion_of(self.result.theta)
         self.shear = shear_of(fields, cohesion)
-        self.score(fields)
-        if self.folder is not None:
-            write_fields(fields, self.folder / "fields.h5")
-
-    def score(self, fields: Fields) -> None:
-        """Take errors of fields and parameters against the reference in the flow file."""
         errors = ensemble.errors(self.case, self.model, fields, self.result.parameters)
         self.result = dataclasses.replace(self.result, error_percent=errors)
+        if self.folder is not None:
+            write_fields(fields, self.folder / "fields.h5")
 
     def draw_curve(self) -> None:
         """Take the law over the range of I where grains shear, with its band."""

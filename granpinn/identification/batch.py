@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,7 +22,6 @@ from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.simulation.threads import beside_gpu
 from granpinn.training.device import choose_device
-from granpinn.training.history import Row
 from granpinn.training.progress import Progress
 
 FlowLike = Flow | str | os.PathLike[str]
@@ -89,8 +88,6 @@ def side_by_side(
     root: Path | None,
     progress: Progress | None,
     begin: float,
-    *,
-    on_step: Callable[[Row], Any] | None = None,
 ) -> list[Identification]:
     """Identify flows, each with its own settings, in one batch with those that all share.
 
@@ -104,11 +101,8 @@ def side_by_side(
         cases = _pose(flows, configs, device.type == "cuda")
         parts: list[Path | None] = [None] * len(cases)
         if root is not None:
-            parts = [
-                prepare(root / f"{e:03d}", case.config, config.members)
-                for e, case in enumerate(cases)
-            ]
-        return run(cases, config, checks, root, parts, progress, begin, device, on_step=on_step)
+            parts = [prepare(root / f"{e:03d}", case.config) for e, case in enumerate(cases)]
+        return run(cases, config, checks, root, parts, progress, begin, device)
 
 
 T = TypeVar("T")

@@ -16,12 +16,11 @@ from granpinn.fit.case import Case, members
 from granpinn.fit.context import Context
 from granpinn.identification import answer
 from granpinn.identification.identified import Identification
-from granpinn.identification.start import CHECKS, ERROR_BARS, histories, start
+from granpinn.identification.start import CHECKS, ERROR_BARS, start
 from granpinn.results import Result
 from granpinn.results.record import Check
 from granpinn.simulation.threads import beside_gpu, threads
 from granpinn.training.guard import NonFiniteError
-from granpinn.training.history import Row
 from granpinn.training.progress import Progress
 
 
@@ -36,7 +35,6 @@ def run(
     device: torch.device,
     *,
     alone: bool = False,
-    on_step: Callable[[Row], Any] | None = None,
     on_values: Callable[[Result], Any] | None = None,
 ) -> list[Identification]:
     """Train the ensembles of cases as one batch, and make the results and their checks.
@@ -45,7 +43,7 @@ def run(
         folder: of the checkpoints.
         parts: where the results of each case are written.
         alone: there is one case, whose failure raises NonFiniteError; others leave a `failure`.
-        on_step, on_values: as in `identify`.
+        on_values: as in `identify`.
 
     Raises:
         NonFiniteError: the one case diverged.
@@ -55,7 +53,7 @@ def run(
     others = [companions(case) for case in cases]
     behind = [len(every) + sum(map(len, others[:e])) for e in range(len(cases))]
     everyone = [*every, *(other for own in others for other in own)]
-    places = [place for part in parts for place in histories(part, K)]
+    places = [place for part in parts for place in (part, *[None] * (K - 1))]
     places += [None] * (len(everyone) - len(places))
     with ExitStack() as at_end:
         loop = start(
@@ -69,7 +67,6 @@ def run(
             checks,
             len(cases),
         )
-        loop.on_step = on_step
         at_end.callback(loop.progress.stop)
         with threads(1) as beside:
             ahead = []

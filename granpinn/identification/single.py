@@ -22,7 +22,6 @@ from granpinn.output import owned
 from granpinn.physics.laws import FrictionLaw
 from granpinn.results import Result
 from granpinn.training.device import choose_device
-from granpinn.training.history import Row
 from granpinn.training.progress import Progress
 
 
@@ -35,7 +34,6 @@ def identify(
     progress: Progress | None = None,
     law: FrictionLaw | str | None = None,
     one_law: bool = False,
-    on_step: Callable[[Row], Any] | None = None,
     on_values: Callable[[Result], Any] | None = None,
     reserve: float = 0.0,
     **settings: Any,
@@ -49,13 +47,12 @@ def identify(
         run_dir: folder for results.json, fields.h5, history.csv, config.toml and checkpoints;
             without it nothing is written.
         progress: a listener; by default a bar in a notebook, and none elsewhere.
-            `granpinn.training.progress.automatic()` shows a bar in a terminal, `Silent()` nothing.
+            granpinn.training.progress has `automatic()`, a bar in a terminal, and `Progress()`,
+            which shows nothing.
         law: the name of a law, or a law of your own (granpinn/laws.py); by default the one in the
             settings.
         one_law: identify one friction law of several flows of one material. The result has this law
             and, in `flows`, what each flow is; its `each` has the fit of every flow.
-        on_step: called with every row of the history, `log_every` steps apart. If it returns True,
-            the training ends there and the result is that of a short training.
         on_values: called with the result once its values and intervals are known, and after each
             check.
         reserve: seconds of `max_time` that are over, or that the caller needs afterwards.
@@ -81,12 +78,12 @@ def identify(
                 "of all, or identify each with identify_many"
             )
         if len(flow) > 1:
-            return identify_one_law(flow, config, folder, progress, on_step, on_values, begin)
+            return identify_one_law(flow, config, folder, progress, on_values, begin)
         flow = flow[0]
     checks, case = wanted(config), pose(flow, config)
     with owned(folder):
         if folder is not None:
-            prepare(folder, config, config.members)
+            prepare(folder, config)
         (found,) = run(
             [case],
             config,
@@ -97,7 +94,6 @@ def identify(
             begin,
             choose_device(config.device),
             alone=True,
-            on_step=on_step,
             on_values=on_values,
         )
         return found

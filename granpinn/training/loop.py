@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+
+import torch
 
 from granpinn.config import Config, ConfigError
 from granpinn.errors import Interrupted
@@ -41,8 +43,7 @@ class TrainingLoop:
     Attributes:
         limit: None also where a checkpoint brought its schedule.
         wall_s: time spent in training, over all resumptions.
-        stopped: what limited the steps, "steps", "max_time" or "on_step".
-        on_step: called with every row of the history; the training ends where it returns True.
+        stopped: what limited the steps, "steps" or "max_time".
     """
 
     def __init__(
@@ -60,7 +61,6 @@ class TrainingLoop:
         self.progress = progress
         self.limit = limit
         self.stopped = "steps"
-        self.on_step: Callable[[Row], Any] | None = None
         self.checkpoints = None if folder is None else folder / "checkpoint"
         parts = [folder] if members is None else members
         self.histories = [
@@ -90,7 +90,6 @@ class TrainingLoop:
             with caught() as signals:
                 self._loop(signals)
         finally:
-            self.progress.stop()
             for history in self.histories:
                 history.close()
 
@@ -100,7 +99,7 @@ class TrainingLoop:
             self.trainer.schedule = schedule
             self.stopped = "steps" if schedule.total == self.at_most else "max_time"
         for history in self.histories:
-            history.open()
+            history.begin()
         self._mark()
         self._save()
 
@@ -117,21 +116,10 @@ class TrainingLoop:
         self.trainer.set_plain_state(found.state.training)
         self.wall_s, self.stopped = found.state.wall_s, found.state.stopped
         self.limit = None  # the schedule of the checkpoint stays
-        self._open(found.state)
+        for history, table in zip(self.histories, found.histories, strict=True):
+            history.begin(Row.of(history.law, row) for row in table.tolist())
         self._mark()
         return True
-
-    def _open(self, state: RunState) -> None:
-        """Open the histories of a checkpoint."""
-        saved = zip(self.histories, state.history_bytes, state.history_sha256, strict=True)
-        for history, length, sha256 in saved:
-            try:
-                history.open(length, sha256)
-            except (ValueError, FileNotFoundError) as error:
-                raise checkpoint.CheckpointError(
-                    f"{history.path} is not the file of this checkpoint ({error}): put the file "
-                    f"back, or start again with another folder"
-                ) from error
 
     def _mark(self) -> None:
         """Start the clocks of this process."""
@@ -182,18 +170,8 @@ class TrainingLoop:
         trainer.remember()
         row = median([row for e, row in enumerate(rows) if e not in trainer.diverged])
         self.progress.show(row)
-        if self.on_step is not None and self.on_step(row) and not trainer.finished:
-            self._end_here()
         if self.limit is not None and not trainer.finished:
             self._correct_schedule(now, self.limit)
-
-    def _end_here(self) -> None:
-        """Let the schedule end at the present step."""
-        trainer = self.trainer
-        trainer.schedule = trainer.schedule.ending_at(trainer.step, trainer.step)
-        trainer.remember()
-        self.stopped = "on_step"
-        self.progress.total(trainer.step)
 
     def _correct_schedule(self, now: float, limit: time_limit.Limit) -> None:
         trainer = self.trainer
@@ -231,7 +209,7 @@ class TrainingLoop:
             trainer.roll_back(fresh)
             if trainer.step == copied:
                 for history in self.histories:
-                    history.forget_after(copied)
+                    history.begin([row for row in history.rows if row.step <= copied])
             who = f"members {', '.join(map(str, sorted(fresh)))} " if many else ""
             self.progress.message(
                 f"{error}: {who}back to step {copied}, on at half the learning rate"
@@ -242,18 +220,18 @@ class TrainingLoop:
             return
         self.wall_s = self.before + time.monotonic() - self.started
         settings, members, data_sha256 = self.identity
-        lengths, digests = zip(*(history.flush() for history in self.histories), strict=True)
+        for history in self.histories:
+            history.flush()
         state = RunState(
             training=self.trainer.plain_state(),
-            history_bytes=lengths,
-            history_sha256=digests,
             wall_s=self.wall_s,
             stopped=self.stopped,
             settings=settings,
             members=members,
             data_sha256=data_sha256,
         )
-        checkpoint.save(self.checkpoints, self.trainer.tensors(), state)
+        tables = [torch.from_numpy(history.table) for history in self.histories]
+        checkpoint.save(self.checkpoints, self.trainer.tensors(), tables, state)
         self.saved = time.monotonic()
 
 

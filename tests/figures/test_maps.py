@@ -13,8 +13,7 @@ from matplotlib.collections import QuadMesh
 from granpinn.figures import maps, style
 from granpinn.results import Fields
 from granpinn.results.fields import Units
-from tests.figures.drawn import shares
-from tests.run_folder import Array, Contents, with_values
+from tests.run_folder import Array, Contents
 
 K = 8
 
@@ -84,28 +83,3 @@ def test_grains_of_every_shape_fit_their_figure(
     first, second = (axes.get_position() for axes in speed.axes[:2])
     stacked = first.y0 > second.y1
     assert stacked == (maps.aspect_of(fields, maps.grain_window(fields, K)) < maps.WIDE)
-    style.save(maps.momentum_residual(fields, K).figure, tmp_path / "residual.png")
-
-
-def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
-    n = fields.index.size
-    size = np.geomspace(1e-4, 1e2, n)
-    rest = np.arange(n) % 3 == 0  # there the residual is huge, and says nothing
-    fields = with_values(
-        fields,
-        momentum_residual_x=np.where(rest, 1e6, 0.6 * size),
-        momentum_residual_y=np.where(rest, 0, -0.8 * size),
-        D2=np.where(rest, 0.0, 1e3),
-    )
-    drawing = maps.momentum_residual(fields, K)
-    field_map, histogram = drawing.figure.axes[:2]
-    now = fields.time_of_points() == fields.t[K]
-    grey, colored = (m for m in field_map.collections if isinstance(m, QuadMesh))
-    np.testing.assert_allclose(np.ma.compressed(colored.get_array()), size[now & ~rest], 1e-6)
-    assert np.ma.count(grey.get_array()) == (now & rest).sum() > 0
-    assert "Grey: grains at rest" in drawing.caption
-    heights = shares(histogram)
-    assert sum(heights) == pytest.approx(1)
-    median, high = (np.asarray(found.get_xdata(), float)[0] for found in histogram.lines)
-    assert median == pytest.approx(0.1, rel=0.02)
-    assert (size < high).mean() == pytest.approx(0.95, abs=1e-3)

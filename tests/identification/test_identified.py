@@ -70,7 +70,7 @@ def test_there_is_no_prediction_outside_of_the_grains(run: Run) -> None:
     fields = run.result.fields
     axes = [fields[axis].values for axis in "tyx"]
     t, y, x = np.meshgrid(*axes, indexing="ij")
-    found, everywhere = (run.result.predict(x, y, t, extrapolate=far) for far in (False, True))
+    found, everywhere = (of.predict(x, y, t) for of in (run.result, run.result.network))
     filled = fields.c.values >= 0.5
     assert 0 < filled.sum() < filled.size
     for name, values in found.items():
@@ -164,4 +164,4 @@ def test_every_figure_can_be_drawn(run: Run) -> None:
     values, loss = plot.history()
     assert [line.get_label() for line in values.lines][:1] == [r"$\mu_s$"]
     assert loss.get_yscale() == "log"
-    assert plot.residual(0.5).get_title().startswith("$t$ = ")
+    assert plot.fields(0.5, ["momentum_residual_x"])[0].get_title().startswith("$t$ = ")

@@ -78,7 +78,7 @@ def test_the_command_on_one_frame(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], figures: Callable[..., None]
 ) -> None:
     """Training, second opinion, figures and page of a file with a single frame."""
-    names = ("velocity", "pressure", "friction_law", "momentum_residual")
+    names = ("velocity", "pressure", "friction_law")
     figures(*names)
     write_flow(make_chute(), tmp_path / "chute.h5")
     few = ("--steps", "60", "--log-every", "20", "--network.widths", "8,8", "--verbose")

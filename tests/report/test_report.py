@@ -84,7 +84,7 @@ def test_values_and_errors_have_their_digits() -> None:
         "pressure 4.00 pressure, flowing - pressure, stagnant - ",
         "1,234 velocity vectors of 12 frames and 56 surface points",
         "White noise of 5 % of the maximum speed",
-        "4,000 steps in 0 s on cpu; the time limit decided how many",
+        "4,000 steps in 0:00 on cpu; the time limit decided how many",
         "reproduced to 0.80 %",
         "Stagnant: D2 below 0.05",
         "mixed form, default recipe, seed 7",

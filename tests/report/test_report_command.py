@@ -102,15 +102,6 @@ def test_the_command_prints_the_page(
     assert times == [0.3]
 
 
-def test_the_command_writes_the_fields_for_paraview(
-    run_dir: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([str(run_dir), "--paraview"]) == 0
-    page, path = run_dir / "report.html", run_dir / "fields.nc"
-    assert capsys.readouterr() == (f"{page}\n{path}\n", "")
-    assert path.stat().st_size > 0
-
-
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -29,7 +29,7 @@ from tests.examples import make_result
 from tests.flows import make_flow
 from tests.runs import make_trainer, tiny
 
-LINE = Assumed("surface line", "m", 0.01, {"mu_s": 2.0, "mu_2": -5.0}, "one grain higher")
+LINE = Assumed("surface line", "m", 0.01, "one grain higher", {"mu_s": 2.0, "mu_2": -5.0})
 
 
 def solver(**changes: Any) -> Flow:
@@ -68,7 +68,7 @@ def test_the_derivative_is_the_difference_of_two_trainings(monkeypatch: pytest.M
     monkeypatch.setattr(sensitivity, "continued", continued)
 
     def assumption(name: str) -> Assumption:
-        return Assumption(name, "m", 0.02, lambda: (member, member), "5 mm higher", 0.005)
+        return Assumption(Assumed(name, "m", 0.02, "5 mm higher"), lambda: (member, member), 0.005)
 
     (found,) = effects(trainer, {0: [assumption("line"), assumption("wall")]}).values()
     assert [e for e, _ in seen[0][0]] == [0, 0, 0, 0]
