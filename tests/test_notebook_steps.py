@@ -1,4 +1,4 @@
-"""The steps of a notebook, from arrays to another equation, with the names of the top level only.
+"""The steps of a notebook, from arrays to a saved result, with the names of the top level only.
 
 Every network is tiny: what a step returns counts, not how accurate it is.
 """
@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 import xarray
 
 import granpinn
@@ -77,7 +76,7 @@ def test_4_identify_takes_a_dict_and_single_settings(result: granpinn.Identifica
     assert result.summary().splitlines()[-1] == f"assessment: {result.assessment}"
 
 
-def test_6_a_result_is_saved_and_loaded(result: granpinn.Identification, tmp_path: Path) -> None:
+def test_5_a_result_is_saved_and_loaded(result: granpinn.Identification, tmp_path: Path) -> None:
     folder = result.save(tmp_path / "run")
     for place in (folder, folder / "results.json"):
         loaded = granpinn.load(place)
@@ -94,44 +93,7 @@ def test_6_a_result_is_saved_and_loaded(result: granpinn.Identification, tmp_pat
         result.report()
 
 
-def test_7_predict_inside_and_outside(result: granpinn.Identification) -> None:
-    inside = np.argwhere(result.fields.c.values == 1)[0]
-    t, y, x = (result.fields[axis].values[k] for axis, k in zip("tyx", inside, strict=True))
-    far = [x, 1000.0]
-    assert np.isfinite(result.predict(far, y, t)["u"]).tolist() == [True, False]
-    assert np.isfinite(result.network.predict(far, y, t)["u"]).all()
-
-
-def test_8_plot(result: granpinn.Identification) -> None:
-    assert result.plot.law().get_xlabel()
-
-
-def test_9_many_flows_are_identifications(flow: Any) -> None:
-    found = granpinn.identify_many([flow, flow], TINY, seeds=[1, 2], checks="none")
-    assert [type(one) for one in found] == [granpinn.Identification] * 2
-    assert found[0].fields.u.shape == found[1].fields.u.shape
-
-
-def test_10_a_law_of_your_own(flow: Any) -> None:
-    def mu(I: Any, theta: Any) -> Any:
-        mu_s, rise = theta
-        return mu_s + rise * (1 - torch.exp(-I / 0.2))
-
-    parts = [granpinn.laws.Parameter("mu_s", 0.3), granpinn.laws.Parameter("rise", 0.3)]
-    law = granpinn.laws.Law("notebook_law", mu, parts)
-    found = granpinn.identify(flow, TINY, law=law, checks="none")
-    assert [*found.parameters] == ["mu_s", "rise"]
-    named = granpinn.identify(flow, TINY, law="coulomb", checks="none")
-    assert [*named.parameters] == ["mu_s"]
-
-
-def test_11_jets_of_another_equation() -> None:
-    network = granpinn.SwishNetwork(outputs=1, hidden=(8, 8), lower=(0, 0, 0), upper=(1, 1, 1))
-    jet = network.jet(torch.rand(5, 3), 2)
-    assert all(torch.isfinite(part).all() for part in jet)
-
-
-def test_12_a_callback_gets_the_values_early(flow: Any, tmp_path: Path) -> None:
+def test_6_a_callback_gets_the_values_early(flow: Any, tmp_path: Path) -> None:
     values: list[granpinn.Result] = []
     found = granpinn.identify(flow, TINY, run_dir=tmp_path, on_values=values.append)
     assert values[0].checks == {}
