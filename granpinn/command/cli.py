@@ -54,10 +54,6 @@ VERBS = {
         "write the law of a finished run as input of OpenFOAM, Basilisk or Chrono, or as JSON",
         "granpinn export run --to openfoam --out transportProperties",
     ),
-    "collect": Verb(
-        "collect the results of many finished runs in one table",
-        "granpinn collect runs --out table.csv",
-    ),
     "simulate": Verb(
         "simulate a collapse, a chute or a silo with a known friction law, to a flow file",
         "granpinn simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5",
