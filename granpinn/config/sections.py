@@ -86,10 +86,10 @@ _Sigmas: Any = make_dataclass(
 class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each row of TERMS
     """Standard deviation sigma of each residual: a term weighs 1/sigma^2, inf leaves it out."""
 
-    units: Literal["flow", "dimensionless", "file"] = setting(
+    units: Literal["flow", "file"] = setting(
         "flow",
         "units of the sigmas: those of the flow (velocity: its rms speed, strain rates: its rms "
-        "shear rate, the others dimensionless), dimensionless, or those of the flow file",
+        "shear rate, the others dimensionless), or those of the flow file",
     )
     law_error: float = setting(
         0.02,

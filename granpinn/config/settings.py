@@ -262,7 +262,6 @@ def config_of(config: Config | Mapping[str, Any] | None, changes: Mapping[str, A
 
 
 def identity(config: Config) -> dict[str, Any]:
-    """The settings that decide the numbers of a run, as JSON values."""
+    """The settings that decide the numbers of a run, by their names."""
     known = settings_of(Config)
-    flat = {key: value for key, value in flatten(config).items() if not known[key].free}
-    return {key: list(v) if isinstance(v, tuple) else v for key, v in flat.items()}
+    return {key: value for key, value in flatten(config).items() if not known[key].free}

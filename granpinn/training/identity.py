@@ -29,12 +29,12 @@ PARTICLES = ("t", "x", "y", "u", "v", "sigma_u", "sigma_v")
 _digests: WeakKeyDictionary[Flow, str] = WeakKeyDictionary()
 
 
-def of_settings(config: Config) -> dict[str, Any]:
+def of_settings(config: Config) -> Any:
     """The settings that decide the numbers of a run, by their names."""
-    return {name: plain(value) for name, value in settings.identity(config).items()}
+    return plain(settings.identity(config))
 
 
-def of_member(member: Member) -> dict[str, Any]:
+def of_member(member: Member) -> Any:
     """Material, scales, law and weights of a member, by names for people."""
     problem, flow = member.problem, member.flow
     found: dict[str, Any] = {}
@@ -52,7 +52,7 @@ def of_member(member: Member) -> dict[str, Any]:
         "input shift": problem.spec.input_shift,
         "input scale": problem.spec.input_scale,
     }
-    return {name: plain(value) for name, value in found.items()}
+    return plain(found)
 
 
 def of_data(objective: Objective) -> str:
