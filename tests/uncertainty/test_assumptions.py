@@ -97,7 +97,7 @@ def test_the_surface_line_moves_by_its_standard_deviation() -> None:
     lower, upper = found.pair()
     moved = upper.data.surface_points - lower.data.surface_points
     distance = moved.norm(dim=1) * case.scales.length
-    np.testing.assert_allclose(distance, 2 * found.sd, rtol=1e-4)
+    np.testing.assert_allclose(distance, 2 * found.record.sd, rtol=1e-4)
     own = case.member.data.surface_points
     middle = (upper.data.surface_points + lower.data.surface_points) / 2
     torch.testing.assert_close(middle, own, rtol=0, atol=1e-6)
