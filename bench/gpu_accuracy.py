@@ -30,7 +30,7 @@ from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.terms import LossPoints
 from granpinn.simulation import demo_path
-from granpinn.training.parallel import processes
+from granpinn.training.device import choose_device
 
 RULE = 1.5
 BATCHES = 8
@@ -77,7 +77,7 @@ def trained_network(form: str, steps: int, device: torch.device) -> Weighed:
     changes: dict[str, Any] = {"form": form, "steps": steps, "device": device.type}
     config = Config(network=Network(widths=tuple(HIDDEN)), **changes)
     case = pose(demo_path(), config)
-    run = start([case], config, None, None, time.monotonic(), processes(config.device))
+    run = start([case], config, None, None, time.monotonic(), choose_device(config.device))
     run.train()
     params, theta = (x.detach().float().cpu() for x in run.trainer.solution())
     problem, data = case.member.problem, case.member.data.loss_points

@@ -30,7 +30,6 @@ class OwnAdam:
         E = len(self.params)
         control = ControlTable([lambda _: 1.0] * E, Config(), params.device)
         control.table.fill_(1)
-        control.table[:, 1] = 0  # no running average
         counts = torch.zeros(E, 2, dtype=torch.int64, device=params.device)
         self.state = (control.counter, control.table, control.lr_scale, control.fault, counts)
         self.moments = [torch.zeros_like(self.params) for _ in range(4)]

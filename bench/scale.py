@@ -37,7 +37,7 @@ from granpinn import report
 from granpinn.config import Config
 from granpinn.data.schema import FORMAT_NAME, FORMAT_VERSION
 from granpinn.identification.single import identify
-from granpinn.training.progress import Silent
+from granpinn.training.progress import Progress
 
 SIZES = ((200, 128), (2000, 512))  # frames, and cells along each side of the grid
 HOST_GB, DEVICE_GB, SPEED = 4.0, 8.0, 0.9  # the claim
@@ -111,7 +111,7 @@ def trained(path: Path, words: list[str]) -> dict[str, Any]:
     config: Config = raw.config_of(words)
     with peak() as host_gb, tempfile.TemporaryDirectory() as folder:
         begin = time.monotonic()
-        found = identify(path, config, run_dir=folder, progress=Silent())
+        found = identify(path, config, run_dir=folder, progress=Progress())
         report.build(Path(folder))
         seconds = time.monotonic() - begin
         history = {name: np.asarray(found.history[name]) for name in ("step", "wall_s")}

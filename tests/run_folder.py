@@ -23,7 +23,6 @@ SETTINGS = {
     "network__widths": (8, 8),
     "batch__interior": 32,
     "batch__surface": 8,
-    "simulated_pressure__frames": 3,
 }
 
 

@@ -16,7 +16,7 @@ from granpinn.physics.laws import LAWS
 from granpinn.training import problem
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Member, Objective
-from granpinn.training.progress import Silent
+from granpinn.training.progress import Progress
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
 
@@ -26,17 +26,10 @@ TINY = {
     "network__widths": (9, 7),
     "batch__interior": 33,
     "batch__surface": 6,
-    "simulated_pressure__frames": 2,
 }
 
-# Words of a command that trains for 60 steps and simulates with the law that it found.
-SIMULATED_AGAIN = (
-    *("--steps", "60", "--log-every", "20", "--network.widths", "8,8"),
-    *("--resimulate", "--verbose"),
-)
 
-
-class Heard(Silent):
+class Heard(Progress):
     """Keeps what a run says."""
 
     def __init__(self) -> None:
@@ -70,4 +63,4 @@ def make_trainer(config: Config, flow: Flow) -> Trainer:
 def make_run(config: Config, flow: Flow, folder: Path | None = None) -> TrainingLoop:
     if folder is not None:
         folder.mkdir(exist_ok=True)
-    return TrainingLoop(make_objective(config, flow), config, folder, Silent())
+    return TrainingLoop(make_objective(config, flow), config, folder, Progress())

@@ -10,28 +10,10 @@ import torch
 
 from granpinn.commands import doctor
 
-AVX2 = {"avx2", "fma"}
-BUILT = ("generic", "avx2", "avx512")
-
 
 def fake_module(torch_versions: str) -> SimpleNamespace:
     info = {"torch_versions": torch_versions, "simd": "generic avx2"}
     return SimpleNamespace(build_info=lambda: info, cpu_capability=lambda: "avx2")
-
-
-@pytest.mark.parametrize(
-    ("active", "built", "flags", "reason"),
-    [
-        ("avx512", BUILT, doctor.NEEDED_FLAGS["avx512"], "the fastest of those built"),
-        ("generic", ("generic",), set(), "the fastest of those built (generic)"),
-        ("avx2", BUILT, AVX2 | {"avx512f"}, "avx512: the processor has no avx512bw, avx512dq"),
-        ("generic", BUILT, AVX2, "avx2: switched off by GRANPINN_CPU; avx512: the processor has"),
-    ],
-)
-def test_the_active_instruction_set_is_explained(
-    active: str, built: tuple[str, ...], flags: set[str], reason: str
-) -> None:
-    assert reason in doctor.why(active, built, flags)
 
 
 def test_a_missing_package_is_reported_as_missing(monkeypatch: pytest.MonkeyPatch) -> None:

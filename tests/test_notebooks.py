@@ -34,7 +34,7 @@ def test_a_notebook_runs(
     path: Path, small_flow: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As one program, with the cell of its settings replaced by a small flow and a tiny network."""
-    tiny = TINY | {"simulated_pressure__frames": 0}
+    tiny = TINY
     settings = {"flow_file": str(small_flow), "run_dir": str(tmp_path / "run"), "settings": tiny}
     settings |= {"members": 2}
     code = tmp_path / f"{path.stem}.py"

@@ -29,13 +29,10 @@ def parse(
 def config_of(words: Sequence[str], settings: Mapping[str, Any] | None = None) -> Config:
     """The settings of an identification: `settings`, and words of a command line over them.
 
-    The simulated pressure is left out unless a word asks for it.
-
     Raises:
         ConfigError: a word is not a setting of granpinn.train, or a value is out of range.
     """
-    values = {"simulated_pressure.frames": 0} | dict(settings or {}) | settings_of(words)
-    return Config(**values)
+    return Config(**{**(settings or {}), **settings_of(words)})
 
 
 def settings_of(words: Sequence[str]) -> dict[str, Any]:

@@ -160,7 +160,7 @@ def _others(config: Config) -> list[str]:
 
 
 def _with_law(case: Case, name: str) -> Case:
-    config = dataclasses.replace(case.config, law=name)
+    config = dataclasses.replace(case.config, law=name, free_I0=False)
     fixed = fixed_values(config, case.facts)
     member = dataclasses.replace(case.member, law=LAWS[name], fixed=fixed)
     return dataclasses.replace(case, config=config, member=member)

@@ -47,23 +47,19 @@ VERBS = {
         "granpinn train flow.h5 --out run",
     ),
     "report": Verb(
-        "draw the figures and the page of a finished run again; write its fields for ParaView",
-        "granpinn report run --paraview",
+        "draw the figures and the page of a finished run again",
+        "granpinn report run",
     ),
     "export": Verb(
         "write the law of a finished run as input of OpenFOAM, Basilisk or Chrono, or as JSON",
         "granpinn export run --to openfoam --out transportProperties",
-    ),
-    "collect": Verb(
-        "collect the results of many finished runs in one table",
-        "granpinn collect runs --out table.csv",
     ),
     "simulate": Verb(
         "simulate a collapse or a chute with a known friction law, to a flow file",
         "granpinn simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5",
     ),
     "doctor": Verb(
-        "show what is installed, which kernels run and why",
+        "show what is installed, and which kernels run",
         "granpinn doctor",
     ),
     "completion": Verb(

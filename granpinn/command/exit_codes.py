@@ -120,7 +120,7 @@ def guard_process(command: str) -> None:
         sys.stdout = _Stdout(sys.stdout)
     set_handler(_stopper(command))
     _guarded.append(command)
-    sys.excepthook = lambda kind, error, place: _unforeseen(command, error)
+    sys.excepthook = lambda kind, error, place: fail(command, *conclusion(error), error)
     if command not in ANYWHERE:
         _require_memory()
 
@@ -144,10 +144,6 @@ def keep_what_is_loaded() -> None:
     """
     if _guarded:
         gc.freeze()
-
-
-def _unforeseen(command: str, error: BaseException) -> None:
-    fail(command, *conclusion(error), error)
 
 
 @contextmanager

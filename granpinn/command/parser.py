@@ -26,7 +26,7 @@ def program(verb: str) -> str:
 class Parser(argparse.ArgumentParser):
     """A parser in which every flag that is not given has no attribute in the namespace.
 
-    A setting of the type bool is a switch: `--x`, `--x true`, `--x=false` or `--no-x`.
+    A setting of the type bool is a switch: `--x` or `--no-x`.
     """
 
     def __init__(self, verb: str, usage: str, description: str, examples: str = "") -> None:
@@ -64,13 +64,10 @@ class Parser(argparse.ArgumentParser):
         for key, stated in settings.items():
             shown = usual is None or key in usual
             add = (places[stated.group] if not shown or usual is None else self).add_argument
-            action = add(
-                flag_of(key),
-                dest=key,
-                metavar=metavar_of(stated),
-                nargs="?" if stated.kind is bool else None,
-                help=argparse.SUPPRESS,
-            )
+            shape: dict[str, Any] = {"action": argparse.BooleanOptionalAction}
+            if stated.kind is not bool:
+                shape = {"metavar": metavar_of(stated)}
+            action = add(flag_of(key), dest=key, help=argparse.SUPPRESS, **shape)
             self._show(action, "help", _help_of(key, stated).replace("%", "%%"), shown)
         self.settings |= settings
 
@@ -106,22 +103,13 @@ class Parser(argparse.ArgumentParser):
         return found
 
     def _joined(self, words: Sequence[str]) -> list[str]:
-        """The words with `--x=value` for every setting.
-
-        So a switch takes the word after it only if that is true or false, and -1.2 is no flag.
-        """
-        flags = {flag_of(key): stated.kind is bool for key, stated in self.settings.items()}
+        """The words with `--x=value` for every setting with a value, so that -1.2 is no flag."""
+        flags = {flag_of(key) for key, stated in self.settings.items() if stated.kind is not bool}
         rest, made = list(words), []
         while rest:
             word = rest.pop(0)
-            positive = word.replace("--no-", "--", 1)
-            if flags.get(word):
-                value = rest.pop(0) if rest and rest[0].lower() in ("true", "false") else "true"
-                word = f"{word}={value.lower()}"
-            elif word in flags and rest and not rest[0].startswith("--"):
+            if word in flags and rest and not rest[0].startswith("--"):
                 word = f"{word}={rest.pop(0)}"
-            elif positive != word and flags.get(positive):
-                word = f"{positive}=false"
             made.append(word)
         return made
 
@@ -154,7 +142,7 @@ def metavar_of(stated: Setting) -> str:
     if stated.metavar or stated.choices:
         return stated.metavar or "{" + ",".join(stated.choices) + "}"
     kind, _ = without_none(stated.kind)
-    names = {int: "N", float: "X", str: "VALUE", bool: "true|false"}
+    names = {int: "N", float: "X", str: "VALUE"}
     if typing.get_origin(kind) is not tuple:
         return names[kind]
     item = names[typing.get_args(kind)[0]]
@@ -164,7 +152,7 @@ def metavar_of(stated: Setting) -> str:
 def _help_of(key: str, stated: Setting) -> str:
     value, text = stated.default, stated.help
     if stated.kind is bool:
-        return f"{text} (on; off: --no-{flag_of(key)[2:]})" if value else text
+        return f"{text} (on by default)" if value else text
     if value is None:
         return f"{text} (default {NONE})" if f"{NONE}:" in text else text
     return f"{text} (default {','.join(map(str, value)) if isinstance(value, tuple) else value})"

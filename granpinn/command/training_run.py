@@ -21,10 +21,10 @@ from granpinn.results import Result
 from granpinn.results.attempt import NotDone, attempt
 from granpinn.results.result import in_words
 from granpinn.terminal import say
-from granpinn.training import parallel, progress
+from granpinn.training import progress
 
 REPORT = "report"
-FIGURES = progress.Stage("figures", seconds=4.5)
+FIGURES = 4.5  # seconds that the figures and the page take
 
 
 def run(config: Config, verbose: bool = False, begin: float | None = None) -> int:
@@ -41,14 +41,8 @@ def run(config: Config, verbose: bool = False, begin: float | None = None) -> in
         require_flow_file(Path(flow))
     if objection := objection_to_folder(config.out):
         raise ConfigError(f"--out {objection}")
-    with (
-        parallel.joined() as rank,
-        owned(None if rank else config.out),
-        flow_warnings.in_one_line(),
-    ):
-        result = _identified(config, rank, verbose, begin)
-    if rank > 0:  # the first process has the result
-        return 0
+    with owned(config.out), flow_warnings.in_one_line():
+        result = _identified(config, verbose, begin)
     asked = [FIELDS, *(check.name for check in wanted(config) if check.asked(config))]
     missing = [name for name in asked if name in result.not_done]
     for name in missing:
@@ -57,15 +51,15 @@ def run(config: Config, verbose: bool = False, begin: float | None = None) -> in
     return 1 if missing else 0
 
 
-def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Result:
-    """The result with its checks; the first process writes the report."""
+def _identified(config: Config, verbose: bool, begin: float) -> Result:
+    """The result with its checks, and the report."""
     assert config.flow is not None
     assert config.out is not None
     folder = Path(config.out)
     flows = [config.flow, *config.further_flows]
-    listener = progress.automatic([FIGURES]) if rank == 0 else progress.Silent()
-    if rank == 0:  # matplotlib takes a second to load; the training leaves the interpreter idle
-        Thread(target=import_module, args=("granpinn.report.page",)).start()
+    listener = progress.automatic()
+    # matplotlib takes a second to load; the training leaves the interpreter idle
+    Thread(target=import_module, args=("granpinn.report.page",)).start()
     with ExitStack() as at_end:
         at_end.callback(listener.stop)
         result: Result = identify(
@@ -74,11 +68,9 @@ def _identified(config: Config, rank: int, verbose: bool, begin: float) -> Resul
             one_law=len(flows) > 1,
             run_dir=folder,
             progress=listener,
-            reserve=time.monotonic() - begin + FIGURES.seconds,
+            reserve=time.monotonic() - begin + FIGURES,
         )
-        if rank > 0:
-            return result
-        listener.stage(FIGURES.name)
+        listener.stage("figures")
         for k in range(len(result.flows)):
             attempt(partial(report.build, folder / f"{k:03d}"))
         page = attempt(lambda: report.build(folder))

@@ -1,4 +1,4 @@
-"""``python -m granpinn.doctor``: what is installed, which kernels run here and why.
+"""``python -m granpinn.doctor``: what is installed, and which kernels run here.
 
 Nothing is imported before it is needed, so that a broken torch or a module that was not built is
 reported like every other result. Exit code 0 if the kernels work, 1 otherwise, with what to do.
@@ -12,7 +12,6 @@ if __name__ == "__main__":
     cli.start("doctor")
 
 import importlib.util
-import json
 import os
 import platform
 from collections.abc import Callable, Sequence
@@ -31,19 +30,10 @@ BUILD_HINT = (
     "build it in the source tree with the torch that is installed: "
     "pip install scikit-build-core pybind11 cmake ninja && pip install --no-build-isolation -e ."
 )
-# What the processor must have for each variant of the kernels; the names are those of Linux.
-NEEDED_FLAGS = {
-    "generic": set[str](),
-    "avx2": {"avx2", "fma"},
-    "avx512": {"avx512f", "avx512dq", "avx512vl", "avx512bw", "fma"},
-}
 LARGEST_ERROR = {"float64": 1e-8, "float32": 1e-3}  # of the kernels, relative L2
 EXTRAS = {
     "lavision": ("lvpyio",),
     "film": ("cv2",),
-    "test": ("pytest", "hypothesis", "sympy", "h5netcdf", "pandas", "psutil", "yaml"),
-    "docs": ("mkdocs", "material", "mkdocstrings_handlers", "latex2mathml"),
-    "dev": ("ruff", "mypy", "importlinter", "clang_format"),
 }
 
 
@@ -92,38 +82,15 @@ def build() -> Section:
     return info
 
 
-def processor() -> tuple[str, set[str]]:
-    """Name of the CPU and its instruction sets, which are empty where the system lists none."""
-    path = Path("/proc/cpuinfo")
-    lines = path.read_text().splitlines() if path.exists() else []
-    facts = dict(line.split(":", 1) for line in lines if ":" in line)
-    facts = {key.strip(): value.strip() for key, value in facts.items()}
-    return facts.get("model name", platform.machine()), set(facts.get("flags", "").split())
-
-
-def why(active: str, built: Sequence[str], flags: set[str]) -> str:
-    """Why the variant `active` of the kernels runs, out of those that were built."""
-    order = list(NEEDED_FLAGS)
-    faster = [name for name in built if order.index(name) > order.index(active)]
-    if not faster:
-        return f"the fastest of those built ({', '.join(built)})"
-    missing = {name: sorted(NEEDED_FLAGS[name] - flags) for name in faster}
-    return "; ".join(
-        f"{name}: the processor has no {', '.join(lacks)}"
-        if lacks
-        else f"{name}: switched off by GRANPINN_CPU"
-        for name, lacks in missing.items()
-    )
-
-
 def cpu() -> Section:
     """The processor, the instruction set that the kernels use on it, and the threads."""
-    model, flags = processor()
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.exists() else []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     torch, kernels = import_module("torch"), import_module("granpinn._C")
-    active = kernels.cpu_capability()
     return {
-        "processor": model,
-        "kernels": f"{active}, {why(active, kernels.build_info()['simd'].split(), flags)}",
+        "processor": (models or [platform.machine()])[0],
+        "kernels": f"{kernels.cpu_capability()}, of those built: {kernels.build_info()['simd']}",
         "threads": torch.get_num_threads(),
         "cores": os.cpu_count(),
         "OMP_NUM_THREADS": os.environ.get("OMP_NUM_THREADS", "not set"),
@@ -236,22 +203,17 @@ def examine() -> tuple[dict[str, Section], str | None]:
 
 
 def parser() -> Parser:
-    made = Parser("doctor", "[--json]", "Show what is installed, which kernels run and why.")
-    made.add_argument("--json", action="store_true", default=False, help="print the report as JSON")
-    return made
+    return Parser("doctor", "", "Show what is installed, and which kernels run.")
 
 
 def run(argv: Sequence[str]) -> int:
-    options = parser().parse_args(argv)
+    parser().parse_args(argv)
     report, trouble = examine()
-    if options.json:
-        print(json.dumps({"works": trouble is None, "trouble": trouble, **report}, indent=2))
-    else:
-        for title, section in report.items():
-            print(title)
-            for key, value in section.items():
-                print(f"  {key:<16} {value}")
-        print(f"\nThe kernels do not work: {trouble}" if trouble else "\nThe kernels work.")
+    for title, section in report.items():
+        print(title)
+        for key, value in section.items():
+            print(f"  {key:<16} {value}")
+    print(f"\nThe kernels do not work: {trouble}" if trouble else "\nThe kernels work.")
     return 1 if trouble else 0
 
 

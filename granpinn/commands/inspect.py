@@ -16,7 +16,6 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from granpinn.command.cli import Command
 from granpinn.command.next_step import refusal, training_of
@@ -44,16 +43,6 @@ EXAMPLES = """examples:
 WALLS = {name: f"side_walls.{name}" for name in settings_of(SideWalls)}  # as in a run
 
 
-class InspectRequest(NamedTuple):
-    """What a command line gives."""
-
-    data: list[Path]
-    out: Path | None
-    json: bool
-    law: AssumedLaw
-    side_walls: SideWalls
-
-
 def parser() -> Parser:
     made = Parser(
         "inspect",
@@ -78,8 +67,12 @@ def parser() -> Parser:
     return made
 
 
-def parse(argv: Sequence[str]) -> InspectRequest:
-    """The request of a command line; the message of ConfigError is one sentence."""
+def parse(argv: Sequence[str]) -> tuple[list[Path], Path | None, bool, AssumedLaw, SideWalls]:
+    """Flow files, folder, whether to print JSON, law and side walls of a command line.
+
+    Raises:
+        ConfigError: the message is one sentence.
+    """
     given = vars(parser().parse_args(argv))
     data, out, as_json = (given.pop(name) for name in ("data", "out", "json"))
     walls = {name: given.pop(flag) for name, flag in WALLS.items() if flag in given}
@@ -96,7 +89,7 @@ def parse(argv: Sequence[str]) -> InspectRequest:
         raise ConfigError(
             f"expected one flow file with --json or --out, got {len(data)}: inspect one at a time"
         )
-    return InspectRequest(data, out, as_json, law, SideWalls(**walls))
+    return data, out, as_json, law, SideWalls(**walls)
 
 
 def _require_flow_file(paths: list[Path]) -> None:

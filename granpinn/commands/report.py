@@ -2,7 +2,7 @@
 
 It reads only the run folder: results.json, and fields.h5 and history.csv if they are there.
 It writes results.csv, figures/*.png and report.html, one page that needs no other file and no
-network. The page lists what is missing. With --paraview it writes fields.nc too.
+network. The page lists what is missing.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from granpinn.command.cli import Command
 from granpinn.command.parser import Parser
 from granpinn.config.fields import Setting
 from granpinn.output import owned
-from granpinn.report.page import build, for_paraview
+from granpinn.report.page import build
 
 SETTINGS = {
     "time": Setting(
@@ -27,14 +27,13 @@ SETTINGS = {
         None,
         "time of maps, in the unit of the flow file; default 0.7 of the last",
     ),
-    "paraview": Setting(bool, False, "write fields.nc too, the fields over time for ParaView"),
 }
 
 
 def parser() -> Parser:
     made = Parser(
         "report",
-        "DIR [--paraview] [--time T]",
+        "DIR [--time T]",
         "Draw the figures of a finished run and write its report.html.",
     )
     made.add_argument("folder", type=Path, help="the run folder, --out of granpinn.train")
@@ -48,8 +47,6 @@ def run(argv: Sequence[str]) -> int:
     SETTINGS["time"].check(time, "--time")
     with owned(folder if folder.is_dir() else None):
         print(build(folder, time))
-        if given.get("paraview"):
-            print(for_paraview(folder))
     return 0
 
 

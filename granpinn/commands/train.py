@@ -5,9 +5,6 @@ flow file -> noise -> training set -> identification -> results.json, fields.h5 
 Whatever follows the first results.json fails alone: it becomes a sentence in `not_done` of
 results.json, in the terminal and on the page (granpinn/results/attempt.py).
 
-`torchrun --nproc-per-node K -m granpinn.train ...` lets K processes share every batch. If the
-machine has GPUs, each process uses its own one.
-
 The work is in granpinn/command/training_run.py, which is loaded after the words of the command: so
 `--help` and refusals are quick.
 
@@ -41,7 +38,7 @@ DEMONSTRATION = {"out": "granpinn-demo", "steps": 6000}
 # The settings in --help, which has --config and --help-all too; --help-all has the others.
 USUAL = (
     *("out", "level", "law", "recipe", "I0", "seed", "members", "device", "max_time", "steps"),
-    *("checks", "compare_laws", "resimulate", "resume"),
+    *("checks", "compare_laws", "resume"),
 )
 EXAMPLES = """examples:
   python -m granpinn.train

@@ -33,7 +33,6 @@ PAPER: dict[str, Any] = {
     "optimizer.final_fraction": 0.02,
     "optimizer.warm_up": 0.0,
     "optimizer.prefit": 0.0,
-    "optimizer.average": 0.0,
     "optimizer.beta_2": 0.999,
     "optimizer.epsilon": 1e-7,
     "optimizer.last_layer": False,

@@ -86,10 +86,10 @@ _Sigmas: Any = make_dataclass(
 class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each row of TERMS
     """Standard deviation sigma of each residual: a term weighs 1/sigma^2, inf leaves it out."""
 
-    units: Literal["flow", "dimensionless", "file"] = setting(
+    units: Literal["flow", "file"] = setting(
         "flow",
         "units of the sigmas: those of the flow (velocity: its rms speed, strain rates: its rms "
-        "shear rate, the others dimensionless), dimensionless, or those of the flow file",
+        "shear rate, the others dimensionless), or those of the flow file",
     )
     law_error: float = setting(
         0.02,
@@ -168,31 +168,9 @@ class Optimizer:
     prefit_final_fraction: float = setting(
         0.1, "the same as final_fraction for the pre-fit", low=0, high=1
     )
-    average: float = setting(
-        0.0, "part of the run, at its end, whose parameters are averaged", low=0, high=1
-    )
     beta_2: float = setting(0.99, "decay of the second moment of adam", low=0, high=NEARLY_1)
     epsilon: float = setting(1e-8, "epsilon of adam", positive=True, high=1)
     momentum: float = setting(0.95, "momentum of Muon", low=0, high=NEARLY_1)
     last_layer: bool = setting(
         True, "end with Gauss-Newton steps in the last layer and the friction law (mixed form)"
-    )
-
-
-@dataclass(frozen=True)
-class PressureSettings:
-    """The pressure of a simulation, where the grains are at rest."""
-
-    frames: int = setting(
-        16,
-        "times at which a simulation gives the pressure where the grains are at rest; 0: none",
-        low=0,
-        high=10000,
-    )
-    cells: int | None = setting(
-        None,
-        "cells across its box, and across that of --resimulate; none: those of the solver or of "
-        "the data, at most 512",
-        low=32,
-        high=8192,
     )

@@ -27,7 +27,6 @@ from granpinn.config.sections import (
     Batch,
     Network,
     Optimizer,
-    PressureSettings,
     Rheology,
     SideWalls,
     Weights,
@@ -143,12 +142,6 @@ class Config:
         "after the training, give mu_s and the slope (mu_2 - mu_s)/I0 for an I0 that is not known",
         free=True,
     )
-    resimulate: bool = setting(
-        False,
-        "after the training, simulate with the identified law and compare; its time is not part "
-        "of --max-time",
-        free=True,
-    )
     resume: bool = setting(False, "continue the run in --out from its newest checkpoint", free=True)
     network: Network = section(Network)
     rheology: Rheology = section(Rheology)
@@ -156,7 +149,6 @@ class Config:
     weights: Weights = section(Weights)
     batch: Batch = section(Batch)
     optimizer: Optimizer = section(Optimizer)
-    simulated_pressure: PressureSettings = section(PressureSettings, free=True)
     # The recipe of the Config that `dataclasses.replace` copies; replace passes it on.
     _copied: InitVar[str] = ""
 
@@ -270,7 +262,6 @@ def config_of(config: Config | Mapping[str, Any] | None, changes: Mapping[str, A
 
 
 def identity(config: Config) -> dict[str, Any]:
-    """The settings that decide the numbers of a run, as JSON values."""
+    """The settings that decide the numbers of a run, by their names."""
     known = settings_of(Config)
-    flat = {key: value for key, value in flatten(config).items() if not known[key].free}
-    return {key: list(v) if isinstance(v, tuple) else v for key, v in flat.items()}
+    return {key: value for key, value in flatten(config).items() if not known[key].free}

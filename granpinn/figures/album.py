@@ -52,7 +52,7 @@ def fields_of(source: Source) -> Fields:
     """The fields of a run with grains; the message of NothingToDraw names a missing part."""
     if source.fields is None:
         raise NothingToDraw("there is no fields.h5 that can be read")
-    absent = set(VARIABLES) - {"p_reference", "p_simulated"} - set(source.fields.values)
+    absent = set(VARIABLES) - {"p_reference"} - set(source.fields.values)
     if absent:
         raise NothingToDraw(f"fields.h5 lacks {', '.join(sorted(absent))}")
     if not after_start(source.fields).any():
@@ -71,10 +71,6 @@ FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
     "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, fields_of(s))),
     "pressure": ("Pressure", lambda s: maps.pressure_fields(fields_of(s), s.frame)),
     "velocity": ("Speed", lambda s: maps.velocity_fields(fields_of(s), s.frame)),
-    "momentum_residual": (
-        "Momentum residual",
-        lambda s: maps.momentum_residual(fields_of(s), s.frame),
-    ),
     "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
 }
 

@@ -1,4 +1,4 @@
-"""Maps of the grains at one time: pressure, speed, momentum residual with its shares."""
+"""Maps of the grains at one time: pressure and speed."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import PercentFormatter
 
 from granpinn.arrays import Float64, Floats
 from granpinn.data import Flow
@@ -17,8 +16,6 @@ from granpinn.data.scaling import origin_of
 from granpinn.figures.style import (
     BLACK,
     DIFFERENCE_MAP,
-    ORANGE,
-    SKY,
     VALUE_MAP,
     WIDTH,
     Drawing,
@@ -28,10 +25,8 @@ from granpinn.figures.style import (
     styled,
 )
 from granpinn.results import Fields
-from granpinn.results.fields import D2_STAGNANT, shearing
 
 TIME_SHARE = 0.7  # of the last time: the collapse is under way and a stagnant zone has formed
-UNCERTAINTY_MAP = "magma"
 WIDE = 1.3  # maps with a smaller height / width are stacked
 TALLEST = 1.9  # inches of a stacked map
 
@@ -147,43 +142,6 @@ def _compare(
     return Drawing(_maps(fields, grain_window(fields, k), shown), caption)
 
 
-@styled
-def simulated_pressure(fields: Fields, k: int) -> Drawing:
-    """The simulated pressure, at the time nearest to frame k that has one.
-
-    Beside it, its difference from the predicted pressure, and from the reference if there is one.
-    """
-    if not np.isfinite(fields.values.get("p_simulated", np.empty(0))).any():
-        raise NothingToDraw("fields.h5 has no simulated pressure")
-    k = frame_with(fields, "p_simulated", k)
-    simulated, unit = fields.frame("p_simulated", k), fields.units.of("pressure")
-    gap, text = np.abs(fields.frame("p", k) - simulated), label(r"$|\Delta p|$", unit)
-    reach = Normalize(0, _quantile(gap, 0.99) or 1.0)
-    shown = [
-        Map("$p$ simulated", simulated, value_norm(simulated), label("$p$", unit)),
-        Map(r"$|\Delta p|$", gap, reach, text, UNCERTAINTY_MAP, "max"),
-    ]
-    caption = f"Simulated pressure in the grains at {_time(fields, k)}: (a) simulated, (b) its "
-    caption += "difference from the predicted pressure"
-    if "p_reference" in fields.values:
-        error = simulated - fields.frame("p_reference", k)
-        shown.append(_difference("error of $p$", error, label(r"$\Delta p$", unit)))
-        caption += ", (c) its error against the reference"
-    return Drawing(
-        _maps(fields, grain_window(fields, k), shown),
-        f"{caption}. Where (b) is large, the motion does not fix the pressure. There the simulated "
-        "pressure is that of a material that creeps at the largest viscosity between the "
-        "simulator's floor and plane of symmetry. Black: free surface.",
-    )
-
-
-def frame_with(fields: Fields, name: str, k: int) -> int:
-    """The frame nearest to frame k at which a variable has values; k if there is none."""
-    known = np.isfinite(fields.values.get(name, np.full(len(fields.index), np.nan)))
-    frames = np.unique(fields.index[known] // (fields.y.size * fields.x.size))
-    return int(frames[np.argmin(np.abs(fields.t[frames] - fields.t[k]))]) if frames.size else k
-
-
 def _difference(title: str, values: Floats, text: str) -> Map:
     """A map of a difference, with 0 in the middle of the colors."""
     reach = _quantile(np.abs(values), 0.99) or 1.0
@@ -251,59 +209,3 @@ def value_norm(values: Floats) -> Normalize:
 def _quantile(values: Floats, share: float) -> float:
     finite = values[np.isfinite(values)]
     return float(np.quantile(finite, share)) if finite.size else 0.0
-
-
-RESIDUALS = ("momentum_residual_x", "momentum_residual_y")
-RESIDUAL_LABEL = r"$|e| / (\rho |g|)$"
-RESTING = "#cccccc"
-RESIDUAL_EDGES = np.logspace(-5, 3, 65).tolist()
-RESIDUAL_RANGE = (1e-3, 1e1)  # of the map
-
-
-@styled
-def momentum_residual(fields: Fields, k: int) -> Drawing:
-    """Map at one time and histogram over all times of |e| / (rho |g|), strong form."""
-    window = grain_window(fields, k)
-    aspect = aspect_of(fields, window)
-    if height := stacked_height(aspect):
-        figure = new_figure(height + 3.0)
-        field_map, histogram = figure.subplots(2, 1, height_ratios=(height, 2.0))
-    else:
-        figure = new_figure(4.2)
-        field_map, histogram = figure.subplots(1, 2)
-    draw_residual(field_map, fields, window, f"(a) t = {fields.t[k]:.3g}")
-
-    counted = shearing(fields)
-    size = np.hypot(*(fields.values[name][counted] for name in RESIDUALS))
-    size = size[np.isfinite(size)]
-    if size.size == 0:
-        raise NothingToDraw("the momentum residual is not finite where grains shear")
-    median, high = np.quantile(size, (0.5, 0.95))
-    share = np.full(size.size, 1 / size.size)
-    histogram.hist(size, RESIDUAL_EDGES, weights=share, color=SKY, histtype="stepfilled", lw=0)
-    histogram.axvline(median, color=BLACK, lw=1.2, label=f"median {median:.2g}")
-    histogram.axvline(high, color=ORANGE, lw=1.2, label=f"95 % below {high:.2g}")
-    histogram.set_xscale("log")
-    histogram.set_xlabel(RESIDUAL_LABEL)
-    histogram.set_title("(b) share of points")
-    histogram.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-    histogram.margins(y=0.3)  # for the legend above the bars
-    histogram.legend(loc="upper right")
-    return Drawing(
-        figure,
-        "Momentum residual of the strong form (second derivatives of the network, eta of the"
-        f" identified law), in units of the weight: (a) at t = {fields.t[k]:.3g}, (b) at all"
-        " times. Grey: grains at rest, where the motion does not determine the stress.",
-    )
-
-
-def draw_residual(axes: Axes, fields: Fields, window: Window, title: str) -> None:
-    """The map of |e| / (rho |g|) alone, where grains shear; grains at rest are grey."""
-    size = np.hypot(*(fields.frame(name, window.k) for name in RESIDUALS))
-    moves = fields.frame("D2", window.k) * fields.time >= D2_STAGNANT
-    x, y = fields.x[window.columns], fields.y[window.rows]
-    rest = np.ma.masked_where(moves | ~np.isfinite(size), np.zeros(size.shape))
-    cut = rest[window.rows, window.columns]
-    axes.pcolormesh(x, y, cut, cmap=ListedColormap([RESTING]), shading="nearest", rasterized=True)
-    size, norm = np.where(moves, size, np.nan), LogNorm(*RESIDUAL_RANGE)
-    draw_map(axes, fields, window, Map(title, size, norm, RESIDUAL_LABEL, "cividis", "both"))

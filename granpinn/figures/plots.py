@@ -32,7 +32,6 @@ SYMBOLS = {
     "divergence": r"$\nabla \cdot v$",
     "momentum_residual_x": r"$e_x / (\rho |g|)$",
     "momentum_residual_y": r"$e_y / (\rho |g|)$",
-    "p_simulated": "simulated $p$",
     "u_reference": "$u$ of the flow",
     "v_reference": "$v$ of the flow",
     "p_reference": "reference $p$",
@@ -88,7 +87,7 @@ class Plots:
         names: Sequence[str] = (SPEED, "p"),
         axes: Sequence[Axes] | Panels | None = None,
     ) -> Panels:
-        """Maps of fields, one panel for each, at the frame nearest to a time that has the field.
+        """Maps of fields, one panel for each, at the frame nearest to a time.
 
         Args:
             names: variables of `result.fields`, or "speed".
@@ -98,24 +97,14 @@ class Plots:
             BadInput: a name is unknown, or there are more or fewer axes than names.
         """
         found = self._fields()
-        panels = _panels(1, len(names), axes)
+        panels, k = _panels(1, len(names), axes), maps.frame_at(found, t)
         for ax, name in zip(panels, names, strict=True):
-            k = maps.frame_with(found, name, maps.frame_at(found, t))
             values, kind = _values(found, name, k)
             text = label(SYMBOLS.get(name, f"${name}$"), found.units.of(kind))
             norm = _decades(values) if name in DECADES else maps.value_norm(values)
             one = maps.Map(f"$t$ = {found.t[k]:.4g}", values, norm, text)
             maps.draw_map(ax, found, maps.grain_window(found, k), one)
         return panels
-
-    @checked
-    def residual(self, t: float | None = None, ax: Axes | None = None) -> Axes:
-        """Map of the residual of the momentum equation, in units of the weight."""
-        found = self._fields()
-        k = maps.frame_at(found, t)
-        (ax,) = _panels(1, 1, None if ax is None else [ax])
-        maps.draw_residual(ax, found, maps.grain_window(found, k), f"$t$ = {found.t[k]:.4g}")
-        return ax
 
     @checked
     def history(self, axes: Sequence[Axes] | Panels | None = None) -> Panels:

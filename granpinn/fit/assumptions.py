@@ -47,7 +47,7 @@ def surface(case: Case) -> Assumption | None:
         return lower, upper
 
     unit, grain = case.flow.length_unit, case.flow.grain_diameter
-    return Assumption(line, unit, sd, pair, f"{line} one grain higher", grain)
+    return Assumption(Assumed(line, unit, sd, f"{line} one grain higher"), pair, grain)
 
 
 def side_walls(case: Case) -> Assumption | None:
@@ -65,7 +65,7 @@ def side_walls(case: Case) -> Assumption | None:
         return made[0], made[1]
 
     name = "friction of the side walls"
-    return Assumption(name, "1", walls.friction_sd, pair, f"{name} higher by 0.01", 0.01)
+    return Assumption(Assumed(name, "1", walls.friction_sd, f"{name} higher by 0.01"), pair, 0.01)
 
 
 TABLE: tuple[Callable[[Case], Assumption | None], ...] = (surface, side_walls)
@@ -91,6 +91,6 @@ def trained(
 ) -> dict[int, tuple[Assumed, ...]]:
     """The effects of assumptions on the laws of members of a run, by their place in it."""
     every = [assumption for uncertain in asked.values() for assumption in uncertain]
-    names = " and ".join(dict.fromkeys(a.name for a in every))
+    names = " and ".join(dict.fromkeys(a.record.name for a in every))
     run.progress.message(f"training on with another {names}, {2 * len(every)} copies")
     return effects(run.trainer, asked, TIME_SHARE if run.limit is not None else None)

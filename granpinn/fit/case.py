@@ -13,7 +13,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granpinn.arrays import Floats
 from granpinn.config import Config, ConfigError
 from granpinn.data import (
     Flow,
@@ -36,7 +35,6 @@ from granpinn.data.surface_strip import LARGEST_PART
 from granpinn.data.walls import segments_of
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.inertia import inertial_numbers
-from granpinn.fit.scoring import strain_rate_of
 from granpinn.inspection import refuse_slips
 from granpinn.inspection.momentum_balance import Baseline, baseline
 from granpinn.kernels.network import NetworkSpec
@@ -45,8 +43,8 @@ from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.scales import Scales
 from granpinn.results.record import Reason
 from granpinn.training import problem, room
+from granpinn.training.device import choose_device
 from granpinn.training.objective import Member
-from granpinn.training.parallel import choose_device
 
 COPIES = 4  # of a network, for the assumptions of one flow (assumptions.py)
 
@@ -63,11 +61,6 @@ class Shared:
     def __init__(self, flow: Flow, seen: Flow, config: Config) -> None:
         self._flow, self._seen, self._config = flow, seen, config
         self._balance: dict[float, Baseline] = {}
-
-    @cached_property
-    def strain_rate(self) -> Floats:
-        """D2 of the velocity in the file at the points of the fields [K]."""
-        return strain_rate_of(self._flow)
 
     @cached_property
     def surface_sd(self) -> float:

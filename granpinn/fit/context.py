@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -32,7 +31,6 @@ class Context:
         folder: where the result is written; None: nowhere.
         fields: the predicted fields, where they are kept.
         shear: the points of the fields where grains shear.
-        pool: threads for simulations side by side.
         shown: called with the result whenever it has grown.
     """
 
@@ -46,7 +44,6 @@ class Context:
     folder: Path | None = None
     fields: Fields | None = None
     shear: Shear | None = None
-    pool: Executor | None = None
     shown: Callable[[Result], None] | None = None
 
     def keep(self, result: Result) -> None:
@@ -84,14 +81,10 @@ class Context:
         fields = self.fields = self.predicted()
         cohesion = self.model.law.cohesion_of(self.result.theta)
         self.shear = shear_of(fields, cohesion)
-        self.score(fields)
-        if self.folder is not None:
-            write_fields(fields, self.folder / "fields.h5")
-
-    def score(self, fields: Fields) -> None:
-        """Take errors of fields and parameters against the reference in the flow file."""
         errors = ensemble.errors(self.case, self.model, fields, self.result.parameters)
         self.result = dataclasses.replace(self.result, error_percent=errors)
+        if self.folder is not None:
+            write_fields(fields, self.folder / "fields.h5")
 
     def draw_curve(self) -> None:
         """Take the law over the range of I where grains shear, with its band."""

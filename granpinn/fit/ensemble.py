@@ -205,7 +205,7 @@ def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -
 def errors(case: Case, model: Model, maps: Fields, parameters: Parameters) -> ErrorPercent:
     """Errors of a result against the reference in its flow file, by its fields."""
     at_particles = prediction.velocity_at_particles(case.flow, model)
-    return scoring.score(case.flow, maps, parameters, lambda: case.shared.strain_rate, at_particles)
+    return scoring.score(case.flow, maps, parameters, at_particles)
 
 
 MOST_POINTS = 131072

@@ -99,23 +99,13 @@ def _subtract_source(
         values[f"momentum_residual_{axis}"] -= dimensionless.astype(np.float32)
 
 
+@torch.no_grad()
 def velocity_at_particles(flow: Flow, model: Model) -> Float64 | None:
     """Predicted (u, v) at the scattered vectors of a flow, [2, n] in its units; None on a grid."""
     p = flow.particles
     if p is None:
         return None
-    points = model.scales.points_to_dimensionless(p.x, p.y, p.t)
-    return velocity(points, axes_of(flow), model)
-
-
-@torch.no_grad()
-def velocity(points: Float64, axes: Axes, model: Model) -> Float64:
-    """Predicted (u, v) [2, N] in the units and axes of a flow.
-
-    Args:
-        points: (x, y, t) [N, 3] in the axes of the flow, dimensionless.
-        axes: of the training.
-    """
+    axes, points = axes_of(flow), model.scales.points_to_dimensionless(p.x, p.y, p.t)
     turned_points = _turned(torch.as_tensor(points), axes)
     spec, params = model.spec, model.params
     network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))

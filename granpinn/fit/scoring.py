@@ -11,7 +11,6 @@ Flowing and stagnant points (results/fields.py) have errors of their own.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -42,11 +41,11 @@ def strain_rate(u: Floats, v: Floats, y: Floats, x: Floats) -> Floats:
     return np.asarray(np.sqrt(u_x**2 + v_y**2 + 0.5 * (u_y + v_x) ** 2))
 
 
-def difference(f: Floats, step: Floats | float, axis: int) -> Floats:
+def difference(f: Floats, step: Floats, axis: int) -> Floats:
     """df/dx along an axis: the mean of the forward and backward differences that exist.
 
-    NaN in f marks points without a value. `step` is the step of the coordinate: a number, or an
-    array that broadcasts against the differences of f with this axis first.
+    NaN in f marks points without a value. `step` is the step of the coordinate, an array that
+    broadcasts against the differences of f with this axis first.
     """
     f = np.moveaxis(np.asarray(f, np.float64), axis, 0)
     slope = np.diff(f, axis=0) / step
@@ -63,7 +62,6 @@ def score(
     flow: Flow,
     fields: Fields,
     parameters: Parameters,
-    measured: Callable[[], Floats],
     at_particles: Floats | None = None,
 ) -> ErrorPercent:
     """All errors of one identification against the reference values of the flow file.
@@ -71,7 +69,6 @@ def score(
     Args:
         flow: the file's own data, without added noise.
         fields: the prediction on its grid.
-        measured: gives `strain_rate_of` the flow.
         at_particles: predicted (u, v) at its scattered vectors [2, n]; None on a grid.
     """
     counted, values = after_start(fields), fields.values
@@ -90,27 +87,19 @@ def score(
     errors["velocity"] = relative_l2(*_velocities(flow, fields, at_particles))
     if "p_reference" in values:
         known = np.isfinite(values["p_reference"]) & counted
-        flows, rests = zones_of(flow, fields, measured)
+        flows, rests = zones_of(flow, fields)
         masks = {"": known, "_flowing": known & flows, "_stagnant": known & rests}
         for zone, mask in masks.items():
             reference = values["p_reference"]
             errors[f"pressure{zone}"] = relative_l2(values["p"][mask], reference[mask])
-            if "p_simulated" in values:
-                simulated = mask & np.isfinite(values["p_simulated"])
-                error = relative_l2(values["p_simulated"][simulated], reference[simulated])
-                errors[f"pressure_simulated{zone}"] = error
     return ErrorPercent(**errors)
 
 
-def zones_of(flow: Flow, fields: Fields, measured: Callable[[], Floats]) -> tuple[Bool, Bool]:
-    """Flowing and stagnant points [K]; a point with an unknown strain rate is in neither.
-
-    Args:
-        measured: gives `strain_rate_of` the flow.
-    """
+def zones_of(flow: Flow, fields: Fields) -> tuple[Bool, Bool]:
+    """Flowing and stagnant points [K]; a point with an unknown strain rate is in neither."""
     sigmas = [sigma for sigma in (flow.sigma_u, flow.sigma_v) if sigma is not None]
     noisy = any(np.any(np.asarray(sigma) > 0) for sigma in sigmas)
-    d2 = fields.values["D2"] if noisy else measured()
+    d2 = fields.values["D2"] if noisy else strain_rate_of(flow)
     flows = flowing(fields, d2)
     return flows, np.isfinite(d2) & ~flows
 

@@ -5,23 +5,23 @@ What follows the values can fail without harm to them. In the file it is "not do
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from granpinn.checks.comparison_of_laws import places
-from granpinn.fit import assumptions, ensemble
+from granpinn.fit import assumptions, ensemble, prediction
 from granpinn.fit.case import Case
 from granpinn.fit.context import Context
 from granpinn.fit.network import FILE, TrainedNetwork, write_network
-from granpinn.identification.identified import Identification, in_folder, in_memory
-from granpinn.identification.start import parts_of
-from granpinn.output import OutputError, replacing
+from granpinn.identification.identified import Identification
+from granpinn.output import OutputError
 from granpinn.results import Result
 from granpinn.results.attempt import PENDING, NotDone, attempt
 from granpinn.results.record import NONE, Check
+from granpinn.training.history import History
 from granpinn.training.loop import TrainingLoop
-from granpinn.uncertainty.sensitivity import without_effect
 
 FIELDS, ASSUMPTIONS, CURVE = "fields", "assumptions", "curve"
 LEFT_OUT = "--checks none leaves it out"
@@ -50,7 +50,7 @@ def valued(
     uncertain = () if e in run.trainer.diverged else assumptions.assumptions_of(case)
     left_out = case.config.checks == NONE
     why = LEFT_OUT if left_out else PENDING
-    unknown = tuple(without_effect(assumption, why) for assumption in uncertain)
+    unknown = tuple(a.without_effect(why) for a in uncertain)
     result = ensemble.result(case, run, e, members, model, unknown)
     uncertain = () if left_out else uncertain
     parts = [FIELDS, CURVE, *(check.name for check in checks)]
@@ -69,10 +69,10 @@ def valued(
     context.keep(result)
     if folder is not None:
         write_network(TrainedNetwork.of(model, case.flow), folder / FILE)
-        if len(cases) > 1:
-            shown = parts_of(folder, len(cases))[place]
-            with replacing(folder / "history.csv") as temporary:
-                shutil.copyfile(shown / "history.csv", temporary)
+        if place > 0:  # until now the history is that of the first member
+            shown = History(folder / "history.csv", case.member.law)
+            shown.begin(run.histories[e].rows)
+            shown.close()
     return context
 
 
@@ -91,7 +91,7 @@ def with_intervals(contexts: Sequence[Context], run: TrainingLoop) -> None:
             continue
         if isinstance(found, NotDone):
             why = found.why
-            effects = tuple(without_effect(assumption, why) for assumption in context.uncertain)
+            effects = tuple(a.without_effect(why) for a in context.uncertain)
             result = context.result.without(ASSUMPTIONS, why)
         else:
             effects = found[context.place]
@@ -117,11 +117,15 @@ def kept(context: Context) -> Identification:
     """The result with its network, fields and history: those of its folder, else in memory."""
     case, model = context.case, context.model
     if context.folder is not None:
-        return Identification.of(context.result, in_folder(context.folder, model.law))
-    trained = TrainedNetwork.of(model, case.flow)
-    rows = context.run.histories[context.place].rows
-    parts = in_memory(trained, case.flow, model.law, rows, context.fields)
-    return Identification.of(context.result, parts)
+        return Identification.of(context.result, context.folder)
+    known: dict[str, Any] = {
+        "network": TrainedNetwork.of(model, case.flow),
+        "history": context.run.histories[context.place].columns,
+    }
+    if context.fields is not None:
+        known["grid"] = context.fields
+    predict = partial(prediction.predict, case.flow, model)
+    return Identification.of(context.result, predict=predict, **known)
 
 
 def require_kept(folder: Path) -> None:

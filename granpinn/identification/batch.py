@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from granpinn import results
 from granpinn.checks import wanted
 from granpinn.config import Config, ConfigError
 from granpinn.config.settings import config_of
 from granpinn.data import Flow
 from granpinn.declared import checked
 from granpinn.fit.case import Case, fixed_values, posed, sound
-from granpinn.identification.identified import Identification, in_folder
+from granpinn.identification.identified import Identification
 from granpinn.identification.run import run
 from granpinn.identification.start import folder_of, prepare
 from granpinn.output import owned
 from granpinn.physics.laws import LAWS
-from granpinn.results import Result
 from granpinn.simulation.threads import beside_gpu
-from granpinn.training.history import Row
-from granpinn.training.parallel import Processes, gather_texts, processes
+from granpinn.training.device import choose_device
 from granpinn.training.progress import Progress
 
 FlowLike = Flow | str | os.PathLike[str]
@@ -49,8 +45,7 @@ def identify_many(
     The members share the settings, hence the shape of the network and the schedule. Each has its
     own data, friction law, I0 and seed (of the network, of the batches and of the noise). Members
     with the same flow and without noise share its data on the device. With `config.members` = K,
-    each member is an ensemble of K networks. In a group of processes
-    (granpinn/training/parallel.py) each process trains its own members, and all return all results.
+    each member is an ensemble of K networks.
 
     Args:
         flows: a flow or the path of a flow file for every member.
@@ -63,8 +58,7 @@ def identify_many(
 
     Returns:
         The results in the order of `flows`. A member that diverged has a `failure`; the others
-        continue. Without a folder, fields are predicted when they are asked for, without the
-        simulated pressure; in a group of processes there are then no fields and no networks.
+        continue. Without a folder, fields are predicted when they are asked for.
 
     Raises:
         As `identify`, except NonFiniteError.
@@ -94,59 +88,21 @@ def side_by_side(
     root: Path | None,
     progress: Progress | None,
     begin: float,
-    *,
-    on_step: Callable[[Row], Any] | None = None,
 ) -> list[Identification]:
     """Identify flows, each with its own settings, in one batch with those that all share.
 
     The arguments are those of `identify_many` and `identify`; `begin`: where a time limit begins.
     """
     checks = wanted(config)
-    group = processes(config.device)
-    with owned(None if group.rank else root):
-        if root is not None and group.rank == 0:
+    device = choose_device(config.device)
+    with owned(root):
+        if root is not None:
             prepare(root, config)
-        group.barrier()
-        own = range(group.rank, len(flows), group.size)
-        on_gpu = group.device.type == "cuda"
-        cases = _pose([flows[e] for e in own], [configs[e] for e in own], on_gpu)
-        folder = root
+        cases = _pose(flows, configs, device.type == "cuda")
         parts: list[Path | None] = [None] * len(cases)
         if root is not None:
-            if group.size > 1:
-                folder = prepare(root / f"process-{group.rank}", config)
-            parts = [
-                prepare(root / f"{e:03d}", case.config, config.members)
-                for e, case in zip(own, cases, strict=True)
-            ]
-        found: list[Identification] = []
-        if cases:
-            found = run(
-                cases,
-                config,
-                checks,
-                folder,
-                parts,
-                progress if group.rank == 0 else None,
-                begin,
-                Processes(group.device),
-                sharers=group.size,
-                on_step=on_step,
-            )
-        return found if group.size == 1 else _in_order(found, len(flows), root)
-
-
-def _in_order(found: Sequence[Result], count: int, root: Path | None) -> list[Identification]:
-    """The results of all processes, in the order of the flows; the rest is in their folders."""
-    texts = gather_texts(json.dumps([result.to_dict() for result in found]))
-    shares = [[results.from_dict(content) for content in json.loads(text)] for text in texts]
-    every = [shares[e % len(shares)][e // len(shares)] for e in range(count)]
-    return [
-        Identification.of(
-            result, None if root is None else in_folder(root / f"{e:03d}", result.friction_law)
-        )
-        for e, result in enumerate(every)
-    ]
+            parts = [prepare(root / f"{e:03d}", case.config) for e, case in enumerate(cases)]
+        return run(cases, config, checks, root, parts, progress, begin, device)
 
 
 T = TypeVar("T")

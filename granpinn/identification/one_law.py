@@ -16,7 +16,7 @@ from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.fit.scoring import scalar_error
 from granpinn.identification.batch import side_by_side
-from granpinn.identification.identified import Identification, of_flows
+from granpinn.identification.identified import Identification
 from granpinn.output import owned
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import (
@@ -33,8 +33,6 @@ from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import NONE
 from granpinn.results.records import Assumed
 from granpinn.results.result import FlowOfLaw
-from granpinn.training.history import Row
-from granpinn.training.parallel import processes
 from granpinn.training.progress import Progress
 from granpinn.uncertainty import one_law as fitted
 from granpinn.uncertainty.determined import applied, determined_over, over
@@ -46,7 +44,6 @@ def identify_one_law(
     config: Config,
     folder: Path | None,
     progress: Progress | None,
-    on_step: Callable[[Row], Any] | None,
     on_values: Callable[[Result], Any] | None,
     begin: float,
 ) -> Identification:
@@ -62,19 +59,18 @@ def identify_one_law(
         raise ConfigError(
             f"one law of several flows is {DEFAULT.title}, got --law {config.law}: leave it out"
         )
-    rank = processes(config.device).rank
-    with owned(None if rank else folder):
+    with owned(folder):
         if config.checks != NONE:  # what each flow says of I0
             config = dataclasses.replace(config, free_I0=True)
         configs = [config] * len(flows)
-        each = side_by_side(flows, configs, config, folder, progress, begin, on_step=on_step)
+        each = side_by_side(flows, configs, config, folder, progress, begin)
         found = one_law(each)
-        if folder is not None and rank == 0:
+        if folder is not None:
             write_results(found, folder / "results.json")
             write_csv(found, folder / "results.csv")
         if on_values is not None:
             on_values(found)
-        return Identification.of(found, of_flows(lambda: tuple(each), folder))
+        return Identification.of(found, folder, each=tuple(each))
 
 
 @checked
@@ -136,7 +132,7 @@ def one_law(results: Sequence[Result]) -> Identification:
     if any(r.determined for r in results):
         found = determined_over(result, (low, high), ranges)
         result = result if found is None else applied(result, found)
-    return Identification.of(over(result, (low, high)), None)
+    return Identification.of(over(result, (low, high)))
 
 
 def _of_all(assumed: Assumed, result: Result, law: OneLaw, flow: int) -> Assumed:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
+
+import torch
 
 from granpinn.checks import momentum_balance
 from granpinn.checks.comparison_of_laws import companions
@@ -15,13 +16,11 @@ from granpinn.fit.case import Case, members
 from granpinn.fit.context import Context
 from granpinn.identification import answer
 from granpinn.identification.identified import Identification
-from granpinn.identification.start import CHECKS, ERROR_BARS, histories, start
+from granpinn.identification.start import CHECKS, ERROR_BARS, start
 from granpinn.results import Result
 from granpinn.results.record import Check
 from granpinn.simulation.threads import beside_gpu, threads
 from granpinn.training.guard import NonFiniteError
-from granpinn.training.history import Row
-from granpinn.training.parallel import Processes
 from granpinn.training.progress import Progress
 
 
@@ -33,11 +32,9 @@ def run(
     parts: Sequence[Path | None],
     progress: Progress | None,
     begin: float,
-    together: Processes,
+    device: torch.device,
     *,
     alone: bool = False,
-    sharers: int = 1,
-    on_step: Callable[[Row], Any] | None = None,
     on_values: Callable[[Result], Any] | None = None,
 ) -> list[Identification]:
     """Train the ensembles of cases as one batch, and make the results and their checks.
@@ -45,20 +42,18 @@ def run(
     Args:
         folder: of the checkpoints.
         parts: where the results of each case are written.
-        together: the processes that share every batch; the first one writes.
         alone: there is one case, whose failure raises NonFiniteError; others leave a `failure`.
-        sharers: processes that use the cores of this machine at the same time.
-        on_step, on_values: as in `identify`.
+        on_values: as in `identify`.
 
     Raises:
         NonFiniteError: the one case diverged.
     """
-    K, first, on_gpu = config.members, together.rank == 0, together.device.type == "cuda"
+    K, on_gpu = config.members, device.type == "cuda"
     every = [member for case in cases for member in members(case)]
     others = [companions(case) for case in cases]
     behind = [len(every) + sum(map(len, others[:e])) for e in range(len(cases))]
     everyone = [*every, *(other for own in others for other in own)]
-    places = [place for part in parts for place in histories(part, K)]
+    places = [place for part in parts for place in (part, *[None] * (K - 1))]
     places += [None] * (len(everyone) - len(places))
     with ExitStack() as at_end:
         loop = start(
@@ -67,16 +62,15 @@ def run(
             folder,
             progress,
             begin,
-            together,
+            device,
             None if alone and len(everyone) == 1 else places,
             checks,
             len(cases),
         )
-        loop.on_step = on_step
         at_end.callback(loop.progress.stop)
         with threads(1) as beside:
             ahead = []
-            if on_gpu and first:  # the cores of the CPU are idle
+            if on_gpu:  # the cores of the CPU are idle
                 ahead = [beside.submit(momentum_balance.prepare, case) for case in cases]
             loop.train()
             for later in ahead:  # what has not begun is made by all cores, in its place
@@ -90,29 +84,23 @@ def run(
                 loop,
                 e * K,
                 checks,
-                parts[e] if first else None,
+                parts[e],
                 behind[e],
             )
-            if first:
-                answer.with_fields(context)
+            answer.with_fields(context)
             if not alone:
                 context.fields = None  # those of all cases would not fit into memory
             return context
 
         loop.progress.stage(ERROR_BARS)
         contexts = beside_gpu(valued, range(len(cases)), on_gpu)
-        if first:
-            answer.with_intervals(contexts, loop)
+        answer.with_intervals(contexts, loop)
         loop.progress.stage(CHECKS)
-        # One pool for all cases: every core simulates as long as frames are left.
-        with threads(max(1, len(os.sched_getaffinity(0)) // sharers)) as pool:
 
-            def finished(context: Context) -> Identification:
-                if first:
-                    answer.with_curve(context, on_values)
-                context.pool = pool
-                for check in checks if first else ():
-                    context.take(check)
-                return answer.kept(context)
+        def finished(context: Context) -> Identification:
+            answer.with_curve(context, on_values)
+            for check in checks:
+                context.take(check)
+            return answer.kept(context)
 
-            return beside_gpu(finished, contexts, on_gpu)
+        return beside_gpu(finished, contexts, on_gpu)

@@ -21,8 +21,7 @@ from granpinn.laws import register
 from granpinn.output import owned
 from granpinn.physics.laws import FrictionLaw
 from granpinn.results import Result
-from granpinn.training.history import Row
-from granpinn.training.parallel import processes
+from granpinn.training.device import choose_device
 from granpinn.training.progress import Progress
 
 
@@ -35,14 +34,11 @@ def identify(
     progress: Progress | None = None,
     law: FrictionLaw | str | None = None,
     one_law: bool = False,
-    on_step: Callable[[Row], Any] | None = None,
     on_values: Callable[[Result], Any] | None = None,
     reserve: float = 0.0,
     **settings: Any,
 ) -> Identification:
     """Identify the friction law of a flow, with its velocity and pressure fields, and check it.
-
-    In a group of processes (granpinn/training/parallel.py) all train this flow; the first writes.
 
     Args:
         flow: a flow, or the path of a flow file; with `one_law` a list of them.
@@ -51,13 +47,12 @@ def identify(
         run_dir: folder for results.json, fields.h5, history.csv, config.toml and checkpoints;
             without it nothing is written.
         progress: a listener; by default a bar in a notebook, and none elsewhere.
-            `granpinn.training.progress.automatic()` shows a bar in a terminal, `Silent()` nothing.
+            granpinn.training.progress has `automatic()`, a bar in a terminal, and `Progress()`,
+            which shows nothing.
         law: the name of a law, or a law of your own (granpinn/laws.py); by default the one in the
             settings.
         one_law: identify one friction law of several flows of one material. The result has this law
             and, in `flows`, what each flow is; its `each` has the fit of every flow.
-        on_step: called with every row of the history, `log_every` steps apart. If it returns True,
-            the training ends there and the result is that of a short training.
         on_values: called with the result once its values and intervals are known, and after each
             check.
         reserve: seconds of `max_time` that are over, or that the caller needs afterwards.
@@ -83,25 +78,22 @@ def identify(
                 "of all, or identify each with identify_many"
             )
         if len(flow) > 1:
-            return identify_one_law(flow, config, folder, progress, on_step, on_values, begin)
+            return identify_one_law(flow, config, folder, progress, on_values, begin)
         flow = flow[0]
     checks, case = wanted(config), pose(flow, config)
-    together = processes(config.device)
-    with owned(None if together.rank else folder):
-        if folder is not None and together.rank == 0:
-            prepare(folder, config, config.members)
-        together.barrier()
+    with owned(folder):
+        if folder is not None:
+            prepare(folder, config)
         (found,) = run(
             [case],
             config,
             checks,
             folder,
             [folder],
-            None if together.rank else progress,
+            progress,
             begin,
-            together,
+            choose_device(config.device),
             alone=True,
-            on_step=on_step,
             on_values=on_values,
         )
         return found

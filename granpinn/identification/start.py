@@ -7,6 +7,8 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import torch
+
 from granpinn.config import Config, ConfigError
 from granpinn.config.toml import to_toml
 from granpinn.estimates.confined import undetermined
@@ -16,25 +18,13 @@ from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
-from granpinn.training.parallel import Processes
-from granpinn.training.progress import LAST_LAYER, Progress, Stage, by_default
+from granpinn.training.progress import Progress, by_default
 from granpinn.training.room import require_room
 from granpinn.training.time_limit import Limit
 
 ERROR_BARS, CHECKS = "error bars", "checks"  # stages after the training
 LAST_STEPS = 750  # steps that take as long as the last layer
 FIELDS = 200  # steps that take as long as the fields
-LONG = 60.0  # seconds; checks that take longer are not part of a time limit
-
-
-def parts_of(folder: Path, count: int) -> list[Path]:
-    """The folders of the histories of `count` members of a run."""
-    return [folder] if count == 1 else [folder / "members" / f"{k:02d}" for k in range(count)]
-
-
-def histories(folder: Path | None, count: int) -> list[Path | None]:
-    """The folders of the histories of `count` members; None for each without a run folder."""
-    return [None] * count if folder is None else [*parts_of(folder, count)]
 
 
 def start(
@@ -43,7 +33,7 @@ def start(
     folder: Path | None,
     progress: Progress | None,
     begin: float,
-    together: Processes,
+    device: torch.device,
     members: Sequence[Path | None] | None = None,
     checks: Sequence[Check] = (),
     shown: int = 1,
@@ -51,35 +41,22 @@ def start(
     """The run that trains the cases side by side; it counts its time limit from `begin`.
 
     Args:
-        checks: that follow; the time limit keeps time for the quick ones.
+        checks: that follow; the time limit keeps time for them.
         shown: number of results that are checked.
     """
-    device = together.device
     everyone = [case.member for case in cases]
     require_room(everyone, config, device)
-    ranks = (together.rank, together.size)
-    objective = Objective(everyone, config.batch, device, ranks, config.precision)
-    quick = shown * sum(check.seconds for check in checks if check.seconds < LONG)
+    objective = Objective(everyone, config.batch, device, config.precision)
+    after = shown * sum(check.seconds for check in checks)
     steps = LAST_STEPS if config.optimizer.last_layer else 0
     share = 0.0 if config.checks == NONE else assumptions.share(cases)
     limit = None
     if config.max_time is not None:
         later = config.max_time * share / (1 + share)
-        limit = Limit(
-            begin + config.max_time, config.max_time, later, steps + FIELDS, quick, len(cases)
-        )
+        limit = Limit(begin + config.max_time, config.max_time, later, steps + FIELDS, after)
     progress = progress or by_default()
-    everything = shown * sum(check.seconds for check in checks)
-    stages = [
-        Stage(LAST_LAYER, steps=steps),
-        Stage(ERROR_BARS, steps=FIELDS, share=share),
-        Stage(CHECKS, everything),
-    ]
-    until = limit.until if limit and everything == quick else None
-    progress.plan(stages, until)
-    run = TrainingLoop(objective, config, folder, progress, limit, members, together)
+    run = TrainingLoop(objective, config, folder, progress, limit, members)
     many = f"{len(cases)} members, " if len(cases) > 1 else ""
-    many += f"{together.size} processes, " if together.size > 1 else ""
     vectors = sum(len(data.points) for data in objective.distinct)
     walls = sum(len(data.wall_points) for data in objective.distinct)
     between = sum(len(data.between) + len(data.strip) for data in objective.distinct)
@@ -112,16 +89,14 @@ def folder_of(run_dir: str | os.PathLike[str] | None) -> Path | None:
     return None if run_dir is None else Path(run_dir)
 
 
-def prepare(folder: Path, config: Config, members: int = 1) -> Path:
-    """Make the folders of a run and write config.toml.
+def prepare(folder: Path, config: Config) -> Path:
+    """Make the folder of a run and write config.toml.
 
     Raises:
         ConfigError: the folder holds another run, or is none.
-        OutputError: the folders cannot be made or written to.
+        OutputError: the folder cannot be made or written to.
     """
-    taken = [
-        name for name in ("results.json", "history.csv", "members") if (folder / name).exists()
-    ]
+    taken = [name for name in ("results.json", "history.csv") if (folder / name).exists()]
     if taken and not config.resume:
         raise ConfigError(
             f"{folder} already holds a run ({taken[0]}): add --resume to continue it, or choose "
@@ -129,8 +104,7 @@ def prepare(folder: Path, config: Config, members: int = 1) -> Path:
         )
     if objection := objection_to_folder(folder):
         raise ConfigError(f"run_dir {objection}")
-    for part in parts_of(folder, members):
-        make_folder(part)
+    make_folder(folder)
     if not (config.resume and (folder / "config.toml").exists()):
         settings = dataclasses.replace(config, resume=False)
         write_text(folder / "config.toml", to_toml(settings))

@@ -44,7 +44,7 @@ class Draw(NamedTuple):
         data: the points of all members, one after another.
         term_weights: [E, 5].
         interior, surface: points of a batch.
-        share: number of the part of the batch that this process draws.
+        share: number of the part of a larger batch that is drawn.
     """
 
     counter: Tensor
@@ -55,7 +55,7 @@ class Draw(NamedTuple):
     term_weights: Tensor
     interior: int
     surface: int
-    share: int
+    share: int = 0
 
 
 def batch_loss(

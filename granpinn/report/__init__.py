@@ -4,9 +4,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from granpinn.report.page import build, for_paraview
+    from granpinn.report.page import build
 
-__all__ = ["build", "for_paraview"]
+__all__ = ["build"]
 
 
 def __getattr__(name: str) -> Any:

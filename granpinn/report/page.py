@@ -7,8 +7,6 @@ The page lists what is missing.
 from __future__ import annotations
 
 import base64
-import math
-import shutil
 import unicodedata
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -20,7 +18,7 @@ from markupsafe import Markup, escape
 
 from granpinn.declared import checked
 from granpinn.figures import album, maps
-from granpinn.output import replacing, write_text
+from granpinn.output import write_text
 from granpinn.output.table import Table
 from granpinn.output.templates import environment
 from granpinn.results import (
@@ -35,6 +33,7 @@ from granpinn.results import (
 from granpinn.results.assessment import reach_of
 from granpinn.results.result import in_words, percent, true_friction
 from granpinn.training.history import HistoryFileError, read_history
+from granpinn.training.progress import duration
 
 TEMPLATES = Path(__file__).parent / "templates"
 ANSWER = ("friction_law", "pressure")  # the figures directly under the numbers
@@ -86,19 +85,6 @@ def read(folder: Path, time: float | None = None) -> tuple[album.Source, list[st
         problems.append(str(error))
     frame = maps.frame_at(fields, time) if fields else 0
     return album.Source(result, fields, history, frame), problems
-
-
-def for_paraview(run_dir: str | Path) -> Path:
-    """Copy fields.h5 to fields.nc: by this name ParaView opens it, with its reader of netCDF files.
-
-    Raises:
-        FieldsFileError: there is no valid fields.h5.
-    """
-    fields, path = Path(run_dir) / "fields.h5", Path(run_dir) / "fields.nc"
-    read_fields(fields)
-    with replacing(path) as temporary:
-        shutil.copyfile(fields, temporary)
-    return path
 
 
 def render(
@@ -159,16 +145,6 @@ def encoded(content: Path | bytes) -> str:
     """Bytes, or those of a file, in base64."""
     known = content if isinstance(content, bytes) else content.read_bytes()
     return base64.b64encode(known).decode("ascii")
-
-
-def duration(seconds: float) -> str:
-    """35 s, 4 min 10 s, 2 h 5 min."""
-    whole = math.floor(seconds + 0.5)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
 def flatten(settings: dict[str, Any], prefix: str = "") -> dict[str, str]:

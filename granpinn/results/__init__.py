@@ -9,13 +9,7 @@ alone), fields (and which of their points flow).
 
 from granpinn.results.assessment import Assessment
 from granpinn.results.decoding import plain
-from granpinn.results.fields import (
-    Fields,
-    FieldsFileError,
-    append_variable,
-    read_fields,
-    write_fields,
-)
+from granpinn.results.fields import Fields, FieldsFileError, read_fields, write_fields
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.parameters import Covariance, ErrorPercent, Parameter, Parameters, Residuals
 from granpinn.results.records import DataSummary, Input, Timing, versions
@@ -43,7 +37,6 @@ __all__ = [
     "Result",
     "ResultsFileError",
     "Timing",
-    "append_variable",
     "from_dict",
     "number",
     "plain",

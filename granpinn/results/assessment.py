@@ -92,17 +92,14 @@ def undetermined(r: Result) -> str | None:
     return f"No friction coefficient is determined: {r.determined.reason}."
 
 
-def improbable(r: Result) -> str | None:
-    return _slips(r, IMPROBABLE)
+def slips(grade: str) -> Callable[[Result], str | None]:
+    """The likely mistakes of a grade in the flow file."""
 
+    def said(r: Result) -> str | None:
+        found = [slip.sentence for slip in r.data.slips if slip.grade == grade]
+        return f"The data are {grade}: {'; '.join(found)}." if found else None
 
-def unusual(r: Result) -> str | None:
-    return _slips(r, UNUSUAL)
-
-
-def _slips(r: Result, grade: str) -> str | None:
-    found = [slip.sentence for slip in r.data.slips if slip.grade == grade]
-    return f"The data are {grade}: {'; '.join(found)}." if found else None
+    return said
 
 
 def of_flows(grade: str) -> Callable[[Result], str | None]:
@@ -244,15 +241,6 @@ def without_errors(r: Result) -> str | None:
     return f"The errors are not known: {r.law.reason or 'none were estimated'}."
 
 
-def stopped_early(r: Result) -> str | None:
-    if r.stopped != "on_step":
-        return None
-    return (
-        f"The training was stopped at step {r.timing.steps}, before its learning rates had fallen: "
-        "the error bars are not tested for this."
-    )
-
-
 def untested(r: Result) -> str | None:
     if r.error_bars is None or not r.error_bars.outside:
         return None
@@ -285,7 +273,7 @@ class Condition(NamedTuple):
 CONDITIONS = (
     Condition(BAD, diverged),
     Condition(BAD, undetermined),
-    Condition(BAD, improbable),
+    Condition(BAD, slips(IMPROBABLE)),
     Condition(BAD, of_flows(BAD)),
     Condition(BAD, unsettled),
     Condition(BAD, useless),
@@ -293,9 +281,8 @@ CONDITIONS = (
     Condition(CARE, wide),
     Condition(CARE, without_errors),
     Condition(CARE, unbalanced),
-    Condition(CARE, stopped_early),
     Condition(CARE, untested),
-    Condition(CARE, unusual),
+    Condition(CARE, slips(UNUSUAL)),
     Condition(CARE, of_flows(CARE)),
     Condition(GOOD, known),
     Condition(GOOD, extrapolated),

@@ -54,7 +54,6 @@ VARIABLES = {
     "momentum_residual_x": ("number", "strong-form momentum residual along x / (rho |g|)"),
     "momentum_residual_y": ("number", "strong-form momentum residual along y / (rho |g|)"),
     "divergence": ("rate", "divergence of the predicted velocity"),
-    "p_simulated": ("pressure", "pressure given by the simulator, at some frames"),
     "u_reference": ("velocity", "velocity along x in the flow file"),
     "v_reference": ("velocity", "velocity along y in the flow file"),
     "p_reference": ("pressure", "reference pressure in the flow file"),
@@ -175,12 +174,6 @@ def write_fields(fields: Fields, path: str | Path) -> None:
             axes[-1].make_scale(name)
         for name in ("c", *(name for name in VARIABLES if name in fields.values)):
             _write_variable(file, fields, name, axes, threads)
-
-
-def append_variable(fields: Fields, name: str, path: str | Path) -> None:
-    """Append one variable to the fields.h5 that holds all others of `fields`."""
-    with hdf5_file(path, extend=True) as file, packer() as threads:
-        _write_variable(file, fields, name, [file[axis] for axis in "tyx"], threads)
 
 
 def _write_variable(

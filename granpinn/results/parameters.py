@@ -16,8 +16,7 @@ from granpinn.physics.terms import NAMES
 V = TypeVar("V")
 
 PRESSURES = ("pressure", "pressure_flowing", "pressure_stagnant")
-SIMULATED = ("pressure_simulated", "pressure_simulated_flowing", "pressure_simulated_stagnant")
-FIELD_ERRORS = ("velocity", *PRESSURES, *SIMULATED)
+FIELD_ERRORS = ("velocity", *PRESSURES)
 
 
 class Named(dict[str, V]):
@@ -33,8 +32,7 @@ class Named(dict[str, V]):
 class ErrorPercent(Named[float | None]):
     """Relative errors in %, by the parameters of the law and `FIELD_ERRORS`; None: not known.
 
-    The error of a parameter is |value - true| / |true|, of a field eq. (errorL2). Errors of the
-    simulated pressure are over the frames that have one.
+    The error of a parameter is |value - true| / |true|, of a field eq. (errorL2).
     """
 
     def __init__(self, *values: Any, **errors: float | None) -> None:

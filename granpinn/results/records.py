@@ -125,8 +125,8 @@ class Assumed:
         name: of the assumption.
         unit: of its value, "1" without one.
         sd: standard deviation of its value, from the file or by rule.
-        derivative: of every identified parameter by the value, in 1/unit; None: not known.
         example: a change of the assumption in words.
+        derivative: of every identified parameter by the value, in 1/unit; None: not known.
         percent: change of every parameter by the example, relative to its value.
         why: the reason for an unknown derivative.
     """
@@ -134,8 +134,8 @@ class Assumed:
     name: str
     unit: str
     sd: float
-    derivative: dict[str, float] | None
     example: str
+    derivative: dict[str, float] | None = None
     percent: dict[str, float] | None = None
     why: str | None = None
 

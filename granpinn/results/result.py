@@ -227,7 +227,7 @@ class Result:
 
     @property
     def table(self) -> Table:
-        """Every parameter, and the error of every field; of the simulated pressure if known."""
+        """Every parameter, and the error of every field."""
         rows = []
         for name, p in self.parameters.items():
             std = "given" if p.fixed else number(p.std, ".4f")
@@ -237,8 +237,7 @@ class Result:
             rows.append((name, value, std, interval, true, percent(self.error_percent.get(name))))
         for name in FIELD_ERRORS:
             error = percent(self.error_percent[name])
-            if error != "-" or "simulated" not in name:
-                rows.append((name.replace("_", ", "), "", "", "", "", error))
+            rows.append((name.replace("_", ", "), "", "", "", "", error))
         return Table(("", "value", "std", "90 % interval", "true", "error %"), rows)
 
     def _facts(self) -> list[str]:

@@ -12,7 +12,6 @@ import csv
 import dataclasses
 import io
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -144,21 +143,12 @@ def _curve(result: Result) -> dict[str, Cell]:
 
 
 def write_csv(result: Result, path: str | Path) -> None:
-    """Write results.csv: a header and one row; numbers with all their digits."""
-    write_table([row(result)], path)
-
-
-def write_table(rows: Sequence[dict[str, Cell]], path: str | Path) -> None:
-    """Write a table; a column that a row does not have is empty there.
+    """Write results.csv: a header and one row; numbers with all their digits.
 
     A text that a spreadsheet would take for a formula gets an apostrophe before it.
     """
-    table = io.StringIO(newline="")
-    columns = dict.fromkeys(name for cells in rows for name in cells)
-    writer = csv.DictWriter(table, list(columns))
-    writer.writeheader()
-    for cells in rows:
-        writer.writerow({name: _plain_cell(cell) for name, cell in cells.items()})
+    cells, table = row(result), io.StringIO(newline="")
+    csv.writer(table).writerows([cells.keys(), map(_plain_cell, cells.values())])
     write_text(path, table.getvalue())
 
 

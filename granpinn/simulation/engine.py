@@ -5,15 +5,6 @@
         engine.step(1 - engine.time)
 
 csrc/collapse/ describes the numerical method.
-
-`settle` gives the pressure of a velocity field, from a very short simulation that starts with it.
-The solver takes steps so short that the grains stay in place. First three steps of almost no length
-make the velocity free of divergence on the grid: each starts with the velocity of the step before
-and without its pressure. Then the rotational form of the pressure update
-(csrc/collapse/time_step.h) contracts the error inside plugs by up to three per step.
-
-The pressure changes by up to 1 % in that time, so a caller starts earlier by `settled_after`.
-STEPS and STEP were measured on six collapses (bench/studies/simulated_pressure).
 """
 
 from __future__ import annotations
@@ -22,7 +13,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -92,22 +83,13 @@ class State:
         return mean
 
 
-class Start(NamedTuple):
-    """Fields of a `State` at the start, on the whole box."""
-
-    c: Float64
-    u: Float64
-    v: Float64
-
-
 class Engine:
     """A simulation in progress: grains in air at a time."""
 
-    def __init__(self, scene: Scene, start: Start | None = None, **overrides: Any) -> None:
-        """Makes a simulation at t = 0.
+    def __init__(self, scene: Scene, **overrides: Any) -> None:
+        """Makes a simulation at t = 0, with the grains of the scene at rest.
 
         Args:
-            start: by default the grains of the scene at rest.
             overrides: fields of `_collapse.Parameters`, for tests.
         """
         self.scene = scene.resolved()
@@ -118,11 +100,9 @@ class Engine:
         with _named_errors():
             self._solver = _collapse.Solver(parameters)
         nx, ny = parameters.cells_x, parameters.cells_y
-        if start is None:
-            rest = np.zeros((ny, nx + 1)), np.zeros((ny + 1, nx))
-            start = Start(self.scene.start_fraction(), *rest)
+        rest = np.zeros((ny, nx + 1)), np.zeros((ny + 1, nx))
         with _named_errors():
-            self._solver.set_state(*start)
+            self._solver.set_state(self.scene.start_fraction(), *rest)
 
     @property
     def time(self) -> float:
@@ -174,41 +154,3 @@ def solver_parameters(scene: Scene) -> _collapse.Parameters:
     for name, value in values.items():
         setattr(parameters, name, value)
     return parameters
-
-
-STEPS = 40
-STEP = 6e-5  # of sqrt(height / |g|)
-PROJECTIONS = 3
-PROJECTION_STEP = 3e-7  # of sqrt(height / |g|)
-
-
-def settled_after(scene: Scene, steps: int = STEPS, step: float = STEP) -> float:
-    """Time from the `start` of `settle` to the state that it returns."""
-    return steps * step * math.sqrt(scene.height / math.hypot(*scene.gravity))
-
-
-def settle(scene: Scene, start: Start, steps: int = STEPS, step: float = STEP) -> State:
-    """The state a moment after `start`, with the pressure of its velocity.
-
-    Args:
-        scene: the box and the material; sqrt(height / |g|) is the unit of time.
-        steps, step: number of steps, and length of one in that unit.
-
-    Raises:
-        SimulationError: a solve did not converge.
-    """
-    unit = math.sqrt(scene.height / math.hypot(*scene.gravity))
-    for _ in range(PROJECTIONS):
-        engine = Engine(scene, start)
-        engine.step(PROJECTION_STEP * unit)
-        state = engine.state()
-        start = Start(start.c, _widened(state.u, start.u), _widened(state.v, start.v))
-    engine.step(step * unit, steps)
-    return engine.state()
-
-
-def _widened(values: Float64, like: Float64) -> Float64:
-    """Values on the window as values on the whole box, 0 beyond the window."""
-    out = np.zeros_like(like)
-    out[: values.shape[0], : values.shape[1]] = values
-    return out

@@ -8,5 +8,5 @@ state:      trainer (everything that a step changes, and the step)
 the run:    loop (first step to last), time_limit, guard (faults and signals), checkpoint
 the end:    last_layer, last_layer_sums, equations, features (Gauss-Newton steps)
 to watch:   history, progress
-processes:  parallel
+device:     device
 """

@@ -7,8 +7,7 @@ The two newest are kept. If the newest is damaged, the one before it is read.
 
 The JSON has one form alone: it is read only if writing its content again gives the same bytes. So a
 changed bit anywhere in either file is damage, and only a whole checkpoint can belong to another
-run. The JSON also has the SHA-256 of the rows of each history.csv, which grow from checkpoint to
-checkpoint in a file of their own (history.py).
+run. The tensors include the rows of each history.csv (history.py).
 
 The files hold no pickle, so reading them executes no code. The JSON is decoded into typed classes,
 so no value of another type or range reaches a training.
@@ -45,7 +44,6 @@ class TrainingState:
 
     Attributes:
         step: number of steps that were made.
-        averaged: number of steps in the running average.
         lr_scale: factor on the learning rates of each member [E].
         misfit: rms velocity misfit of each member after the pre-fit [E].
         diverged: number of a frozen member as text -> the reason.
@@ -53,7 +51,6 @@ class TrainingState:
     """
 
     step: int
-    averaged: int
     lr_scale: tuple[float, ...]
     misfit: tuple[float, ...]
     diverged: dict[str, str]
@@ -64,7 +61,6 @@ class TrainingState:
     def __post_init__(self) -> None:
         _within("total", self.total, 1, MOST_STEPS)
         _within("step", self.step, 0, self.total)
-        _within("averaged", self.averaged, 0, self.step)
         _within("from_step", self.from_step, 0, self.step)
         _within("from_progress", self.from_progress, 0, 1)
         if not self.lr_scale or len(self.misfit) != len(self.lr_scale):
@@ -84,16 +80,12 @@ class RunState:
     """Everything in the JSON of a checkpoint but its format, its step and its checksum.
 
     Attributes:
-        history_bytes, history_sha256: length of the history.csv of each member, and SHA-256 of its
-            content [E].
         wall_s: seconds of training so far.
         stopped: the setting that limits the steps.
         settings, members, data_sha256: the identity of the run (identity.py).
     """
 
     training: TrainingState
-    history_bytes: tuple[int, ...]
-    history_sha256: tuple[str, ...]
     wall_s: float
     stopped: str
     settings: dict[str, Any]
@@ -102,14 +94,11 @@ class RunState:
 
     def __post_init__(self) -> None:
         E = len(self.training.lr_scale)
-        _count("history_bytes", self.history_bytes, E)
-        _count("history_sha256", self.history_sha256, E)
-        _count("members", self.members, E)
-        for length in self.history_bytes:
-            _within("history_bytes", length, 0, MOST_STEPS)
+        if len(self.members) != E:
+            raise ValueError(f"members must have one entry for each of {E} members")
         _within("wall_s", self.wall_s, 0, float("inf"))
-        if self.stopped not in ("steps", "max_time", "on_step"):
-            raise ValueError(f"stopped must be steps, max_time or on_step, got {self.stopped!r}")
+        if self.stopped not in ("steps", "max_time"):
+            raise ValueError(f"stopped must be steps or max_time, got {self.stopped!r}")
 
 
 def _within(name: str, value: float, low: float, high: float) -> None:
@@ -117,13 +106,8 @@ def _within(name: str, value: float, low: float, high: float) -> None:
         raise ValueError(f"{name} must be from {low} to {high}, got {value}")
 
 
-def _count(name: str, values: Sequence[object], count: int) -> None:
-    if len(values) != count:
-        raise ValueError(f"{name} must have one entry for each of {count} members")
-
-
 FORMAT_NAME = "granpinn-checkpoint"
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 KEPT = 2
 HEAD = ("format_name", "format_version", "step")
 NAME = re.compile(r"step-(\d{9,16})\.json", re.ASCII)
@@ -138,14 +122,23 @@ class CheckpointError(CannotGoOn):
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """The content of a pair of files: the tensors by name and the plain values of the JSON."""
+    """The content of a pair of files.
+
+    Attributes:
+        tensors: of the training state, by name.
+        histories: the rows of the history of each member [rows, columns].
+        state: the plain values of the JSON.
+    """
 
     path: Path
     tensors: dict[str, Tensor]
+    histories: list[Tensor]
     state: RunState
 
 
-def save(folder: Path, tensors: Mapping[str, Tensor], state: RunState) -> Path:
+def save(
+    folder: Path, tensors: Mapping[str, Tensor], histories: Sequence[Tensor], state: RunState
+) -> Path:
     """Write the checkpoint of a step and remove all but the two newest; path of the JSON.
 
     CheckpointError: a tensor holds a NaN or an infinity, a file cannot be written, or the run
@@ -158,7 +151,8 @@ def save(folder: Path, tensors: Mapping[str, Tensor], state: RunState) -> Path:
                 f"{folder} was not written to: {name} holds a NaN or an infinity at step {step}"
             )
     path = folder / f"step-{step:09d}.safetensors"
-    binary = safetensors.save({name: t.cpu().contiguous() for name, t in tensors.items()})
+    rows = {f"history.{e}": table for e, table in enumerate(histories)}
+    binary = safetensors.save({n: t.cpu().contiguous() for n, t in {**tensors, **rows}.items()})
     head = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION, "step": step}
     content = head | encode(state)
     content["sha256"] = _checksum(content, binary)
@@ -236,7 +230,11 @@ def _read(path: Path) -> Checkpoint:
     state = decode(RunState, named)
     if not content["step"] == state.training.step == int(path.stem.removeprefix("step-")):
         raise ValueError(f"it holds step {content['step']}, which is not that of its name")
-    return Checkpoint(path, safetensors.load(binary), state)
+    tensors, E = safetensors.load(binary), len(state.members)
+    histories = [tensors.pop(name) for e in range(E) if (name := f"history.{e}") in tensors]
+    if any(table.ndim != 2 for table in histories) or len(histories) != E:
+        raise ValueError(f"expected the histories of {E} members, got {len(histories)}")
+    return Checkpoint(path, tensors, histories, state)
 
 
 def _bytes(path: Path) -> bytes:

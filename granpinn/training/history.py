@@ -1,27 +1,26 @@
 """history.csv: one row of loss terms and identified values every so many steps.
 
-New rows are appended. A checkpoint holds the length of the file, and the SHA-256 of so many bytes.
-A resumed run refuses other content and cuts the file there. The rows of later steps are then
-written again.
+A checkpoint holds the rows too. A resumed run writes the file anew with them, and appends the rows
+of the later steps.
 """
 
 from __future__ import annotations
 
 import contextlib
 import csv
-import hashlib
 import io
 import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.errors import BadInput
-from granpinn.output import OutputError, naming, objection_to_file
+from granpinn.output import naming, write_text
 from granpinn.physics.laws import DEFAULT, FrictionLaw
 from granpinn.physics.terms import NAMES
 from granpinn.regular import read_text
@@ -84,61 +83,42 @@ class History:
         self.rows: list[Row] = []
         self.law = law
         self.path = path
-        self._file: io.BufferedRandom | None = None
-        self._sha256 = hashlib.sha256()  # of the content of the file
+        self._file: TextIO | None = None
 
-    def open(self, offset: int = 0, sha256: str = "") -> None:
-        """Open the file and cut it at `offset` bytes; 0 starts it with a header.
-
-        Args:
-            sha256: of the bytes before `offset`.
-
-        ValueError: the file is shorter, was changed, or holds anything but rows.
-        """
-        if self.path is None:
-            return
-        if offset and self.path.stat().st_size < offset:
-            raise ValueError(f"it should have at least {offset} bytes")
-        if objection := objection_to_file(self.path):
-            raise OutputError(objection)
-        with naming(self.path):
-            self._file = self.path.open("r+b" if offset else "w+b")
-            content = self._file.read(offset)
-        self._sha256 = hashlib.sha256(content)
-        if offset == 0:
-            self._write(columns(self.law))
-            return
-        if self._sha256.hexdigest() != sha256:
-            raise ValueError(f"its first {offset} bytes were changed")
-        self.rows = [Row.of(self.law, row) for row in _rows(content.decode(), self.law)]
-        with naming(self.path):
-            self._file.truncate(offset)
-            self._file.seek(offset)
+    def begin(self, rows: Iterable[Row] = ()) -> None:
+        """Replace the file by one with these rows; OutputError if it cannot be written."""
+        self.close()
+        self.rows = list(rows)
+        if self.path is not None:
+            text = io.StringIO(newline="")
+            _write([columns(self.law), *map(_cells, self.rows)], text)
+            write_text(self.path, text.getvalue())
+            with naming(self.path):
+                self._file = self.path.open("a", newline="", encoding="utf-8")
 
     def append(self, row: Row) -> None:
         self.rows.append(row)
         if self._file is not None:
-            self._write(["" if math.isnan(v) else v for v in row.values().values()])
+            with naming(self.path or ""):
+                _write([_cells(row)], self._file)
+                self._file.flush()
 
-    def forget_after(self, step: int) -> None:
-        """Drop the rows of later steps, in the file too."""
-        kept = [row for row in self.rows if row.step <= step]
+    @property
+    def columns(self) -> dict[str, Float64]:
+        """The columns of all rows by name."""
+        return dict(zip(columns(self.law), self.table.T, strict=True))
+
+    @property
+    def table(self) -> Float64:
+        """The numbers of all rows [n, columns]."""
+        numbers = [[*row.values().values()] for row in self.rows]
+        return np.array(numbers, np.float64).reshape(-1, len(columns(self.law)))
+
+    def flush(self) -> None:
+        """Force all rows to the disk."""
         if self._file is not None:
-            self._file.seek(0)
-            self._file.truncate()
-            self._sha256 = hashlib.sha256()
-            self._write(columns(self.law))
-        self.rows = []
-        for row in kept:
-            self.append(row)
-
-    def flush(self) -> tuple[int, str]:
-        """Force all rows to the disk; length of the file in bytes, and its SHA-256."""
-        if self._file is None:
-            return 0, self._sha256.hexdigest()
-        with naming(self.path or ""):
-            os.fsync(self._file.fileno())
-        return self._file.tell(), self._sha256.hexdigest()
+            with naming(self.path or ""):
+                os.fsync(self._file.fileno())
 
     def close(self) -> None:
         if self._file is not None:
@@ -147,15 +127,13 @@ class History:
                 self._file.close()
             self._file = None
 
-    def _write(self, values: object) -> None:
-        assert self._file is not None
-        text = io.StringIO(newline="")
-        csv.writer(text, lineterminator="\n").writerow(values)  # type: ignore[arg-type]
-        content = text.getvalue().encode()
-        with naming(self.path or ""):
-            self._file.write(content)
-            self._file.flush()
-        self._sha256.update(content)
+
+def _write(lines: Iterable[Iterable[object]], file: TextIO) -> None:
+    csv.writer(file, lineterminator="\n").writerows(lines)
+
+
+def _cells(row: Row) -> list[object]:
+    return ["" if math.isnan(v) else v for v in row.values().values()]
 
 
 def _rows(text: str, law: FrictionLaw) -> list[list[float]]:

@@ -7,7 +7,6 @@ and the reference pressure of a flow file, nor attributes that only a second opi
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Mapping
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -17,6 +16,7 @@ import numpy as np
 from granpinn.config import Config, settings
 from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
+from granpinn.results.decoding import plain
 from granpinn.training.objective import Member, Objective
 
 UNITS = ("length_unit", "time_unit", "density_unit")
@@ -29,12 +29,12 @@ PARTICLES = ("t", "x", "y", "u", "v", "sigma_u", "sigma_v")
 _digests: WeakKeyDictionary[Flow, str] = WeakKeyDictionary()
 
 
-def of_settings(config: Config) -> dict[str, Any]:
+def of_settings(config: Config) -> Any:
     """The settings that decide the numbers of a run, by their names."""
-    return {name: plain(value) for name, value in settings.identity(config).items()}
+    return plain(settings.identity(config))
 
 
-def of_member(member: Member) -> dict[str, Any]:
+def of_member(member: Member) -> Any:
     """Material, scales, law and weights of a member, by names for people."""
     problem, flow = member.problem, member.flow
     found: dict[str, Any] = {}
@@ -52,7 +52,7 @@ def of_member(member: Member) -> dict[str, Any]:
         "input shift": problem.spec.input_shift,
         "input scale": problem.spec.input_scale,
     }
-    return {name: plain(value) for name, value in found.items()}
+    return plain(found)
 
 
 def of_data(objective: Objective) -> str:
@@ -91,12 +91,3 @@ def difference(saved: Mapping[str, Any], own: Mapping[str, Any]) -> str | None:
                 return "another flow file"
             return f"{name} = {saved.get(name)}, this one has {own.get(name)}"
     return None
-
-
-def plain(value: Any) -> Any:
-    """`value` as strict JSON, which has no number for infinity: it becomes the text "inf"."""
-    if isinstance(value, (tuple, list)):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):  # a number of NumPy
-        return plain(value.tolist())
-    return str(value) if isinstance(value, float) and math.isinf(value) else value

@@ -7,12 +7,13 @@ stops at signals, rolls back members that diverge, and keeps a time limit.
 from __future__ import annotations
 
 import math
-import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+
+import torch
 
 from granpinn.config import Config, ConfigError
 from granpinn.errors import Interrupted
@@ -22,7 +23,6 @@ from granpinn.training.checkpoint import RunState
 from granpinn.training.guard import NonFiniteError, require_finite
 from granpinn.training.history import History, Row, median
 from granpinn.training.objective import Objective
-from granpinn.training.parallel import Processes
 from granpinn.training.progress import LAST_LAYER, Progress
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
@@ -38,14 +38,12 @@ class TrainingLoop:
         folder: the run folder; None writes nothing to disk.
         members: folders of the histories of several members; None for a single member, whose
             history is in the run folder.
-        processes: the processes that share the run; the first one writes.
         limit: when the run has to end; None without a time limit.
 
     Attributes:
         limit: None also where a checkpoint brought its schedule.
         wall_s: time spent in training, over all resumptions.
-        stopped: what limited the steps, "steps", "max_time" or "on_step".
-        on_step: called with every row of the history; the training ends where it returns True.
+        stopped: what limited the steps, "steps" or "max_time".
     """
 
     def __init__(
@@ -56,27 +54,23 @@ class TrainingLoop:
         progress: Progress,
         limit: time_limit.Limit | None = None,
         members: Sequence[Path | None] | None = None,
-        processes: Processes | None = None,
     ) -> None:
         require_finite(objective.tensors())
         self.config = config
-        self.processes = processes or Processes(objective.pool.points.device)
         self.single = members is None
         self.progress = progress
         self.limit = limit
         self.stopped = "steps"
-        self.on_step: Callable[[Row], Any] | None = None
         self.checkpoints = None if folder is None else folder / "checkpoint"
         parts = [folder] if members is None else members
-        writes = self.processes.rank == 0
         self.histories = [
-            History(part / "history.csv" if part and writes else None, law)
+            History(part / "history.csv" if part else None, law)
             for part, law in zip(parts, objective.laws, strict=False)
         ]
         self.objective = objective
         self.at_most = _steps(config, max(len(m.data.points) for m in objective.members))
         schedule = Schedule(self.at_most, config.optimizer)
-        self.trainer = Trainer(objective, schedule, config, self.processes)
+        self.trainer = Trainer(objective, schedule, config)
         self.wall_s = 0.0
 
     @cached_property
@@ -90,14 +84,12 @@ class TrainingLoop:
         trainer = self.trainer
         try:
             resumed = self.config.resume and self._resume()
-            self.processes.barrier()  # the other processes must look before files are written
             if not resumed:
                 self._begin()
             self.progress.start(trainer.schedule.total, trainer.step)
             with caught() as signals:
                 self._loop(signals)
         finally:
-            self.progress.stop()
             for history in self.histories:
                 history.close()
 
@@ -107,7 +99,7 @@ class TrainingLoop:
             self.trainer.schedule = schedule
             self.stopped = "steps" if schedule.total == self.at_most else "max_time"
         for history in self.histories:
-            history.open()
+            history.begin()
         self._mark()
         self._save()
 
@@ -124,21 +116,10 @@ class TrainingLoop:
         self.trainer.set_plain_state(found.state.training)
         self.wall_s, self.stopped = found.state.wall_s, found.state.stopped
         self.limit = None  # the schedule of the checkpoint stays
-        self._open(found.state)
+        for history, table in zip(self.histories, found.histories, strict=True):
+            history.begin(Row.of(history.law, row) for row in table.tolist())
         self._mark()
         return True
-
-    def _open(self, state: RunState) -> None:
-        """Open the histories of a checkpoint."""
-        saved = zip(self.histories, state.history_bytes, state.history_sha256, strict=True)
-        for history, length, sha256 in saved:
-            try:
-                history.open(length, sha256)
-            except (ValueError, FileNotFoundError) as error:
-                raise checkpoint.CheckpointError(
-                    f"{history.path} is not the file of this checkpoint ({error}): put the file "
-                    f"back, or start again with another folder"
-                ) from error
 
     def _mark(self) -> None:
         """Start the clocks of this process."""
@@ -148,7 +129,7 @@ class TrainingLoop:
 
     def _loop(self, signals: Signals) -> None:
         trainer, config = self.trainer, self.config
-        while not trainer.finished and not self._stopping(signals):
+        while not trainer.finished and signals.received is None:
             before, row, due = trainer.step, False, False
             try:
                 trainer.advance()
@@ -168,9 +149,8 @@ class TrainingLoop:
         self._save()
         where = "" if self.checkpoints is None else f"; {self.checkpoints} holds it, --resume"
         message = f"stopped at step {trainer.step}{where}"
-        if self._stopping(signals):
-            # None: another process received one
-            raise Interrupted(signals.received or signal.SIGTERM, message)
+        if signals.received is not None:
+            raise Interrupted(signals.received, message)
         signals.stop_at_once(message)
         until = math.inf
         if self.limit is not None:
@@ -179,9 +159,6 @@ class TrainingLoop:
         self.progress.stage(LAST_LAYER)
         trainer.solve_last_layer(until)
         self.wall_s = self.before + time.monotonic() - self.started
-
-    def _stopping(self, signals: Signals) -> bool:
-        return self.processes.stopping(signals.received is not None)
 
     def _log(self) -> None:
         now = time.monotonic()
@@ -193,19 +170,8 @@ class TrainingLoop:
         trainer.remember()
         row = median([row for e, row in enumerate(rows) if e not in trainer.diverged])
         self.progress.show(row)
-        ends = self.on_step is not None and bool(self.on_step(row))
-        if self.processes.broadcast([ends])[0] and not trainer.finished:
-            self._end_here()
         if self.limit is not None and not trainer.finished:
             self._correct_schedule(now, self.limit)
-
-    def _end_here(self) -> None:
-        """Let the schedule end at the present step."""
-        trainer = self.trainer
-        trainer.schedule = trainer.schedule.ending_at(trainer.step, trainer.step)
-        trainer.remember()
-        self.stopped = "on_step"
-        self.progress.total(trainer.step)
 
     def _correct_schedule(self, now: float, limit: time_limit.Limit) -> None:
         trainer = self.trainer
@@ -217,10 +183,6 @@ class TrainingLoop:
             since = (self.corrected_step, self.corrected)
             schedule = time_limit.corrected(trainer, since, limit, self.at_most)
             self.corrected, self.corrected_step = now, trainer.step
-        total, step, progress = self.processes.broadcast(
-            [schedule.total, schedule.from_step, schedule.from_progress]
-        )
-        schedule = Schedule(int(total), schedule.settings, int(step), progress)
         if schedule != trainer.schedule:
             trainer.schedule = schedule
             trainer.remember()
@@ -247,29 +209,29 @@ class TrainingLoop:
             trainer.roll_back(fresh)
             if trainer.step == copied:
                 for history in self.histories:
-                    history.forget_after(copied)
+                    history.begin([row for row in history.rows if row.step <= copied])
             who = f"members {', '.join(map(str, sorted(fresh)))} " if many else ""
             self.progress.message(
                 f"{error}: {who}back to step {copied}, on at half the learning rate"
             )
 
     def _save(self) -> None:
-        if self.checkpoints is None or self.processes.rank > 0:
+        if self.checkpoints is None:
             return
         self.wall_s = self.before + time.monotonic() - self.started
         settings, members, data_sha256 = self.identity
-        lengths, digests = zip(*(history.flush() for history in self.histories), strict=True)
+        for history in self.histories:
+            history.flush()
         state = RunState(
             training=self.trainer.plain_state(),
-            history_bytes=lengths,
-            history_sha256=digests,
             wall_s=self.wall_s,
             stopped=self.stopped,
             settings=settings,
             members=members,
             data_sha256=data_sha256,
         )
-        checkpoint.save(self.checkpoints, self.trainer.tensors(), state)
+        tables = [torch.from_numpy(history.table) for history in self.histories]
+        checkpoint.save(self.checkpoints, self.trainer.tensors(), tables, state)
         self.saved = time.monotonic()
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from granpinn.config import Batch, ConfigError
+from granpinn.config import Batch
 from granpinn.data import Flow, TrainingSet
 from granpinn.kernels import ops
 from granpinn.kernels.step_ops import Draw
@@ -80,7 +80,6 @@ class Objective:
         distinct: training sets of the members, each once.
         pool: the points of all sets, one after another on the device; the source is 0 for sets
             without one, None if no set has one.
-        share: (k, K): this process draws part k of every batch, which has K equal parts.
         precision: of the products on a GPU, "fp32" or "fast" (granpinn.kernels.ops.residual_loss).
     """
 
@@ -89,7 +88,6 @@ class Objective:
         members: Sequence[Member],
         batch: Batch,
         device: torch.device,
-        share: tuple[int, int] = (0, 1),
         precision: str = "fp32",
     ) -> None:
         self.members = list(members)
@@ -102,19 +100,8 @@ class Objective:
             raise ValueError("members of one run must have networks of the same widths")
         self.distinct, self.set_of = _distinct(members)
         self.sets = [s.pooled() for s in self.distinct]
-        self.share, parts = share
         has_surface = all(len(s.surface_points) for s in self.sets)
-        if batch.interior % parts or (has_surface and batch.surface % parts):
-            raise ConfigError(
-                f"--batch.interior and --batch.surface must be multiples of the number of "
-                f"processes, {parts}, got {batch.interior} and {batch.surface}"
-            )
-        self.batch = replace(
-            batch,
-            interior=batch.interior // parts,
-            surface=batch.surface // parts if has_surface else 0,
-        )
-
+        self.batch = batch if has_surface else replace(batch, surface=0)
         if any(s.source is not None for s in self.sets):
             self.sets = [
                 s if s.source is not None else replace(s, source=torch.zeros_like(s.velocity))
@@ -191,7 +178,6 @@ class Objective:
                 self.term_weights,
                 self.batch.interior,
                 0 if prefit else self.batch.surface,
-                self.share,
             ),
             self.spec,
             self.physics,

@@ -47,13 +47,10 @@ class ParameterGroup:
 
 
 class BatchOptimizer:
-    """Updates params [E, P] and the law variables q [E, N] in place, and their averages.
+    """Updates params [E, P] and the law variables q [E, N] in place.
 
     Args:
         precision: of Muon's products on a GPU, "fp32" or "fast" (granpinn/kernels/step_ops.py).
-
-    Attributes:
-        average_params, average_q: means over the steps with a weight in the control table.
     """
 
     def __init__(
@@ -79,7 +76,8 @@ class BatchOptimizer:
         self.first, self.second = torch.zeros_like(params), torch.zeros_like(params)
         self.first_q, self.second_q = torch.zeros_like(q), torch.zeros_like(q)
         self.direction = torch.zeros_like(params)
-        self.average_params, self.average_q = params.clone(), q.clone()
+        # The operators also keep running averages. Their weight in the control table is 0.
+        self._averages = torch.zeros_like(params), torch.zeros_like(q)
 
     def step(
         self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor, law_moves: bool = True
@@ -94,6 +92,7 @@ class BatchOptimizer:
         """
         s, c, law = self.settings, self.control, self.law_variables
         state = (c.counter, c.table, c.lr_scale, c.fault, self.counts)
+        of_params, of_q = self._averages
         rest = [BETA_1, s.beta_2, s.epsilon]
         _ops.update(
             *state,
@@ -103,7 +102,7 @@ class BatchOptimizer:
             self.first,
             self.second,
             self.direction,
-            self.average_params,
+            of_params,
             self.matrices,
             [s.learning_rate, *rest],
             s.momentum,
@@ -112,7 +111,7 @@ class BatchOptimizer:
             self.first_q,
             self.second_q,
             law.theta,
-            self.average_q,
+            of_q,
             [s.scalars_learning_rate, *rest],
             law.codes,
             law.bounds,
@@ -122,15 +121,18 @@ class BatchOptimizer:
             rate = s.muon_learning_rate * math.sqrt(max(1.0, g.m / g.n))  # 1 for square matrices
             G = g.of(self.direction)
             places = (g.offset, g.apart, rate, self.precision)
-            _ops.descend(*state, G, self.params, self.average_params, *places)
+            _ops.descend(*state, G, self.params, of_params, *places)
 
     def reset(self) -> None:
         """Set all momenta to zero, because the loss changes."""
-        for tensor in self.momenta().values():
+        for tensor in self.tensors().values():
             tensor.zero_()
 
-    def momenta(self) -> dict[str, Tensor]:
-        """The tensors of an update besides the parameters, by name, live; [E, ...] each."""
+    def tensors(self) -> dict[str, Tensor]:
+        """The tensors of an update besides the parameters, by name, live; [E, ...] each.
+
+        Copying into them restores the state.
+        """
         return {
             "optimizer.counts": self.counts,
             "optimizer.first": self.first,
@@ -138,11 +140,6 @@ class BatchOptimizer:
             "optimizer.q.first": self.first_q,
             "optimizer.q.second": self.second_q,
         }
-
-    def tensors(self) -> dict[str, Tensor]:
-        """Every tensor of the state by name, live: copying into them restores it."""
-        averages = {"average.params": self.average_params, "average.q": self.average_q}
-        return averages | self.momenta()
 
 
 def hidden_groups(widths: Sequence[int]) -> list[ParameterGroup]:

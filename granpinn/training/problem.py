@@ -84,14 +84,12 @@ def sigmas_of(config: Config, scales: Scales, facts: Facts) -> list[float]:
     if config.weights.units == "file":
         pairs = zip(sigmas, TERMS, strict=True)
         return [scales.to_dimensionless(sigma, term.quantity) for sigma, term in pairs]
-    if config.weights.units == "flow":
-        unit = {
-            "velocity": facts.speed,
-            "rate": facts.shear_rate,
-            "force": min(facts.columns, MOST_COLUMNS) ** -0.5,
-        }
-        return [s * unit.get(term.quantity, 1.0) for s, term in zip(sigmas, TERMS, strict=True)]
-    return sigmas
+    unit = {
+        "velocity": facts.speed,
+        "rate": facts.shear_rate,
+        "force": min(facts.columns, MOST_COLUMNS) ** -0.5,
+    }
+    return [s * unit.get(term.quantity, 1.0) for s, term in zip(sigmas, TERMS, strict=True)]
 
 
 def law_rate(sigmas: Sequence[float], law_error: float) -> float:

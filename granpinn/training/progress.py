@@ -1,7 +1,7 @@
 """The progress of a run: a bar in a terminal or a notebook, plain lines elsewhere.
 
-A run calls its listener: `plan`, `start`, then `show` for every row of the history, `stop`; then
-`stage` for everything that follows, and `stop` again.
+A run calls its listener: `start`, then `show` for every row of the history; `stage` for everything
+that follows the training; and `stop` at the end.
 """
 
 from __future__ import annotations
@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Sequence
 from html import escape
-from typing import Any, NamedTuple
+from typing import Any
 
 from granpinn.physics.terms import TERMS
 from granpinn.terminal import visible
@@ -20,29 +19,8 @@ from granpinn.training.history import Row
 LAST_LAYER = "last layer"  # the stage that ends a training
 
 
-class Stage(NamedTuple):
-    """What follows a training, and the time that it is expected to take.
-
-    Attributes:
-        seconds: on two idle cores.
-        steps: in addition, in steps of the training.
-        share: in addition, of the time of the training.
-    """
-
-    name: str
-    seconds: float = 0.0
-    steps: float = 0.0
-    share: float = 0.0
-
-
 class Progress:
-    """A listener of a run; subclass it and override what is of interest."""
-
-    def plan(self, stages: Sequence[Stage], until: float | None) -> None:
-        """These stages follow the training; time.monotonic() is `until` at their end.
-
-        None: there is no time limit.
-        """
+    """A listener of a run that shows nothing; subclass it and override what is of interest."""
 
     def start(self, total: int, done: int) -> None:
         """A training of `total` steps begins; `done` of them are in a checkpoint."""
@@ -60,45 +38,26 @@ class Progress:
         """Show a sentence about an event of the run."""
 
     def stop(self) -> None:
-        """The training, or the last stage, ended, with or without an error."""
+        """The run ended, with or without an error."""
 
 
-class Silent(Progress):
-    """Shows nothing."""
-
-
-class Shown(Silent):
-    """Knows the stage and the time left of the whole run; a subclass shows them in `update`.
-
-    Args:
-        last: stages that follow those of `plan`, such as the figures of a command.
+class Shown(Progress):
+    """Knows the stage, and the time left of the training; a subclass shows them in `update`.
 
     Attributes:
         every: seconds between updates.
+        times: of the training: steps and their moments; empty in a later stage.
     """
 
     every = 0.5
 
-    def __init__(self, last: Sequence[Stage] = ()) -> None:
-        self.updated = -math.inf
-        self.later = [*last]
-        self.until: float | None = None
-        self.stages: list[tuple[Stage, float]] = []  # the present one, with its first moment
-        self.name, self.text = "fit", ""
-        self.times: list[tuple[int, float]] = []  # while it trains: steps and their moments
-        self.first: float | None = None
-        self.fit = self.pace = 0.0  # seconds of the training, and of a step
-
-    def plan(self, stages: Sequence[Stage], until: float | None) -> None:
-        last = sum(stage.seconds for stage in self.later)
-        self.until = None if until is None else until + last
-        self.later = [*stages, *self.later]
+    def __init__(self) -> None:
+        self.name, self.text, self.updated = "fit", "", -math.inf
+        self.steps = 0
+        self.times: list[tuple[int, float]] = []
 
     def start(self, total: int, done: int) -> None:
-        now = time.monotonic()
-        self.first = now if self.first is None else self.first
-        self.steps, self.times = total, [(done, now)]
-        self.name = self.name if self.stages else "fit"
+        self.name, self.steps, self.times = "fit", total, [(done, time.monotonic())]
         self.update()
 
     def total(self, steps: int) -> None:
@@ -107,29 +66,20 @@ class Shown(Silent):
     def show(self, row: Row) -> None:
         now = time.monotonic()
         self.times.append((row.step, now))
-        self._measure()
         self.text = describe(row)
         if row.step >= self.steps or now - self.updated >= self.every:
             self.updated = now
             self.update()
 
     def stage(self, name: str) -> None:
-        now = time.monotonic()
-        self.first = now if self.first is None else self.first
-        place = next((k for k, stage in enumerate(self.later) if stage.name == name), None)
-        self.stages = []
-        if place is not None:
-            self.stages, self.later = [(self.later[place], now)], self.later[place + 1 :]
         self.name, self.times = name, []
         self.update()
 
     def stop(self) -> None:
-        self.times = []
-        if not self.later:
-            self.name, self.stages = "done", []
+        self.name, self.times = "done", []
 
     def update(self) -> None:
-        """Show `line`, `done` and `left`."""
+        """Show `line`, or `where`, `done` and `left`."""
 
     @property
     def where(self) -> str:
@@ -140,45 +90,26 @@ class Shown(Silent):
     @property
     def line(self) -> str:
         """Everything in one line."""
-        return "  ".join(part for part in (self.where, self.text, self.words) if part)
-
-    @property
-    def words(self) -> str:
-        """The time left, where a step shows it."""
-        return f"{duration(self.left)} left" if self.pace and self.name != "done" else ""
+        return "  ".join(part for part in (self.where, self.text, self.left) if part)
 
     @property
     def done(self) -> float:
-        """The part of the time of the whole run that has passed."""
-        if self.first is None or not self.pace:
-            return 0.0
-        passed = time.monotonic() - self.first
-        return passed / max(passed + self.left, 1e-9)
+        """The part of the training that is done."""
+        times = self.times
+        return times[-1][0] / self.steps if times else 1.0
 
     @property
-    def left(self) -> float:
-        """The expected seconds to the end of the last stage."""
-        now, times, training = time.monotonic(), self.times, 0.0
-        if times:
-            training = max(0.0, self.pace * (self.steps - times[-1][0]) - (now - times[-1][1]))
-        left = training + sum(map(self._expected, self.later))
-        for stage, begun in () if times else self.stages:
-            left += max(0.0, self._expected(stage) - (now - begun))
-        return left if self.until is None else min(left, max(0.0, self.until - now))
-
-    def _measure(self) -> None:
-        """The pace of the training."""
-        step, moment = self.times[-1]
+    def left(self) -> str:
+        """The time left of the training, where its rows show it."""
+        times = list(self.times)
+        if len(times) < 2:
+            return ""
+        step, moment = times[-1]
         # Steps of the pre-fit are quicker: the later half of the steps shows the pace.
-        middle = (self.times[0][0] + step) // 2
-        since = next(row for row in reversed(self.times[:-1]) if row[0] <= middle)
-        passed = max(moment - since[1], 1e-9)
-        self.pace = passed / max(1, step - since[0])
-        self.fit = moment - self.times[0][1] + self.pace * (self.steps - step)
-
-    def _expected(self, stage: Stage) -> float:
-        """The expected seconds of a stage."""
-        return stage.seconds + stage.steps * self.pace + stage.share * self.fit
+        middle = (times[0][0] + step) // 2
+        since = next(row for row in reversed(times[:-1]) if row[0] <= middle)
+        pace = (moment - since[1]) / max(1, step - since[0])
+        return f"{duration(pace * (self.steps - step))} left"
 
 
 class Lines(Shown):
@@ -197,8 +128,8 @@ class Lines(Shown):
 class Bar(Shown):
     """A bar with the stage and the time left; below it values and loss terms. By rich."""
 
-    def __init__(self, last: Sequence[Stage] = ()) -> None:
-        super().__init__(last)
+    def __init__(self) -> None:
+        super().__init__()
         from rich import progress
         from rich.console import Console
         from rich.live import Live
@@ -213,11 +144,11 @@ class Bar(Shown):
         self.live.start()  # a stage may follow `stop`
 
     def _content(self) -> Any:
-        """The bar of this moment: rich shows it several times a second, in a stage too."""
+        """The bar of this moment: rich shows it several times a second."""
         from rich.console import Group
         from rich.text import Text
 
-        self.bar.update(self.task, description=self.where, completed=self.done, left=self.words)
+        self.bar.update(self.task, description=self.where, completed=self.done, left=self.left)
         return Group(self.bar, Text(self.text))
 
     def message(self, text: str) -> None:
@@ -258,16 +189,16 @@ class Notebook(Shown):
         return {"text/plain": line, "text/html": f"{bar} {escape(line)}"}
 
 
-def automatic(last: Sequence[Stage] = ()) -> Progress:
-    """A bar in a terminal, lines otherwise; `last`: stages that follow the identification."""
-    return Bar(last) if sys.stderr.isatty() else Lines(last)
+def automatic() -> Progress:
+    """A bar in a terminal, lines otherwise."""
+    return Bar() if sys.stderr.isatty() else Lines()
 
 
 def by_default() -> Progress:
     """A line with a bar in a notebook, nothing elsewhere."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     # The application of a kernel: IPython in a terminal has none.
-    return Notebook() if "IPKernelApp" in getattr(shell, "config", {}) else Silent()
+    return Notebook() if "IPKernelApp" in getattr(shell, "config", {}) else Progress()
 
 
 def describe(row: Row) -> str:

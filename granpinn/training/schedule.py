@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -50,10 +49,6 @@ class Schedule:
         """Whether step `step` belongs to the pre-fit of the velocity."""
         return self.progress(step) < self.settings.prefit
 
-    def averages(self, step: int) -> bool:
-        """Whether the parameters after step `step` enter the average."""
-        return self.progress(step) >= 1 - self.settings.average
-
     def ends_prefit(self, step: int) -> bool:
         """Whether step `step` is the first one after a pre-fit."""
         return step > 0 and self.in_prefit(step - 1) and not self.in_prefit(step)
@@ -89,20 +84,6 @@ FAULTS = (
 _CODES = 8  # csrc/step.h: fault = step * 8 + index into FAULTS
 
 
-class Position(NamedTuple):
-    """A place in the schedule; it determines the rows from `step` on.
-
-    Attributes:
-        averaged: number of steps before `step` that are in the running average.
-        misfit: rms velocity misfit of every member after the pre-fit.
-    """
-
-    schedule: Schedule
-    step: int
-    averaged: int
-    misfit: tuple[float, ...]
-
-
 class ControlTable:
     """Tensors on the device that control the steps of E members.
 
@@ -110,8 +91,8 @@ class ControlTable:
         velocity_factors: of every member, `Problem.velocity_factor`.
 
     Attributes:
-        table: [ROWS, 2 + E] float64: factor on the learning rates, weight of the parameters in
-            their running average, factor on the weight of each member's velocity term.
+        table: [ROWS, 2 + E] float64: factor on the learning rates, 0 (weight of the parameters in
+            a running average), factor on the weight of each member's velocity term.
         counter: int64 [3]: step, step of the table's first row, and 0 (used by the update).
         lr_scale: float64 [E], a factor on the learning rates of a member.
         fault: int64 [E], code of the first fault of a member; HEALTHY without one.
@@ -131,45 +112,49 @@ class ControlTable:
         self._loaded: tuple[object, ...] | None = None  # inputs of the rows on the device
         self._first = self._next = 0  # step of the first row, and step of the counter
         self._rows = np.empty((0, 2 + E))
-        self._ahead: tuple[Position, Float64] | None = None
+        self._ahead: tuple[tuple[object, ...], Float64] | None = None
 
     def prepare(
-        self, at: Position, steps: int, lr_scale: Sequence[float], diverged: Collection[int]
-    ) -> Position:
-        """Make the device ready for `steps` steps from `at` on; the position after them.
+        self,
+        schedule: Schedule,
+        step: int,
+        misfit: Sequence[float],
+        steps: int,
+        lr_scale: Sequence[float],
+        diverged: Collection[int],
+    ) -> None:
+        """Make the device ready for `steps` steps from `step` on.
 
-        Members in `diverged` stay frozen.
+        Args:
+            misfit: rms velocity misfit of every member after the pre-fit.
+            diverged: members that stay frozen.
         """
-        depends = (at.schedule, at.misfit, tuple(lr_scale), tuple(diverged))
-        ready = self._loaded == depends and self._next == at.step
-        if not ready or at.step + steps > self._first + len(self._rows):
-            self._rows, self._first = self.rows(at), at.step
+        depends = (schedule, tuple(misfit), tuple(lr_scale), tuple(diverged))
+        ready = self._loaded == depends and self._next == step
+        if not ready or step + steps > self._first + len(self._rows):
+            self._rows, self._first = self.rows(schedule, step, misfit), step
             self.table[: len(self._rows)].copy_(torch.from_numpy(self._rows))
-            self.counter.copy_(torch.tensor([at.step, at.step, 0]))
+            self.counter.copy_(torch.tensor([step, step, 0]))
         if not ready:
             self._loaded = depends
             self.lr_scale.copy_(torch.tensor(lr_scale, dtype=torch.float64))
             frozen = torch.full((len(lr_scale),), HEALTHY)
             frozen[list(diverged)] = 0
             self.fault.copy_(frozen)
-        self._next = at.step + steps
-        used = self._rows[at.step - self._first : self._next - self._first]
-        averaged = at.averaged + int(np.count_nonzero(used[:, 1]))
-        return at._replace(step=self._next, averaged=averaged)
+        self._next = step + steps
 
-    def rows(self, at: Position) -> Float64:
-        """The rows [stretch, 2 + E] from `at` on; those of the last call are kept."""
+    def rows(self, schedule: Schedule, step: int, misfit: Sequence[float]) -> Float64:
+        """The rows [stretch, 2 + E] from `step` on; those of the last call are kept."""
+        at = (schedule, step, tuple(misfit))
         if self._ahead is not None and self._ahead[0] == at:
             return self._ahead[1]
-        rows, averaged = np.ones((self.stretch, 2 + len(self._velocity_factors))), at.averaged
-        pairs = zip(self._velocity_factors, at.misfit, strict=True)
-        factors = [factor(misfit) for factor, misfit in pairs]
-        for step, row in enumerate(rows, start=at.step):
-            row[0] = at.schedule.learning_rate(step)
-            averages = at.schedule.averages(step)
-            averaged += averages
-            row[1] = 1 / averaged if averages else 0.0
-            if not at.schedule.in_prefit(step):
+        rows = np.ones((self.stretch, 2 + len(self._velocity_factors)))
+        pairs = zip(self._velocity_factors, misfit, strict=True)
+        factors = [factor(value) for factor, value in pairs]
+        for k, row in enumerate(rows, start=step):
+            row[0] = schedule.learning_rate(k)
+            row[1] = 0.0
+            if not schedule.in_prefit(k):
                 row[2:] = factors
         self._ahead = (at, rows)
         return rows

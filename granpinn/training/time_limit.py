@@ -20,9 +20,6 @@ PROBE_SECONDS = 0.7  # time to measure each kind of step
 WARM_UP = 2  # first steps, which are slower and do not count
 MARGIN = 1.02  # expected time over measured time
 WORTHWHILE = 0.02  # smallest relative change of the steps left that changes the schedule
-# Seconds of a step of the default recipe on two idle cores. Where a step takes longer, the machine
-# is busy or slow, or the network large, and what follows the training takes longer too.
-PACE = 0.008
 MOST_KEPT = 0.6  # largest part of a run that is kept for what follows the training
 
 
@@ -34,8 +31,7 @@ class Limit(NamedTuple):
         seconds: of the whole run.
         later: seconds for more training (uncertainty/sensitivity.py).
         steps: so many steps take as long as the steps in the last layer, which come next.
-        after: seconds for everything else, at a pace of `members` * `PACE`.
-        members: trained side by side.
+        after: seconds for everything else.
     """
 
     until: float
@@ -43,17 +39,11 @@ class Limit(NamedTuple):
     later: float = 0.0
     steps: float = 0.0
     after: float = 0.0
-    members: int = 1
 
     def deadline(self, pace: float = 0.0) -> float:
         """The end of the training, if a step takes `pace` seconds."""
-        kept = self.steps * pace + self.after * slowness(pace / self.members)
+        kept = self.steps * pace + self.after
         return self.until - self.later - min(kept, MOST_KEPT * self.seconds)
-
-
-def slowness(pace: float) -> float:
-    """How much longer than on two idle cores everything takes, at this pace; at least 1."""
-    return max(1.0, pace / PACE)
 
 
 def schedule_within(limit: Limit, trainer: Trainer, at_most: int) -> Schedule:
@@ -65,8 +55,7 @@ def schedule_within(limit: Limit, trainer: Trainer, at_most: int) -> Schedule:
         for in_prefit, part in ((True, prefit), (False, 1 - prefit))
         if part > 0
     )
-    (total,) = trainer.processes.broadcast([_steps(limit, pace, at_most)])
-    return Schedule(int(total), schedule.settings)
+    return Schedule(_steps(limit, pace, at_most), schedule.settings)
 
 
 def corrected(trainer: Trainer, since: tuple[int, float], limit: Limit, at_most: int) -> Schedule:
@@ -92,11 +81,7 @@ def _pace(trainer: Trainer, prefit: bool) -> float:
     trainer.remember()
     times: list[float] = []
     begin = time.monotonic()
-    while any(
-        trainer.processes.broadcast(
-            [len(times) < WARM_UP + 3, time.monotonic() - begin < PROBE_SECONDS]
-        )
-    ):
+    while len(times) < WARM_UP + 3 or time.monotonic() - begin < PROBE_SECONDS:
         start, before = time.monotonic(), trainer.step
         trainer.advance()
         times.append((time.monotonic() - start) / (trainer.step - before))

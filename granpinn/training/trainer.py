@@ -25,8 +25,7 @@ from granpinn.training.last_layer import last_layer, mean_length
 from granpinn.training.law_variables import LawVariables
 from granpinn.training.objective import Evaluation, Member, Objective
 from granpinn.training.optimise import BatchOptimizer
-from granpinn.training.parallel import Processes
-from granpinn.training.schedule import ControlTable, Position, Schedule
+from granpinn.training.schedule import ControlTable, Schedule
 
 ROLLBACK = 0.5  # factor on every learning rate of a member after a rollback
 
@@ -43,13 +42,7 @@ class Trainer:
             without kernels, where each step is called.
     """
 
-    def __init__(
-        self,
-        objective: Objective,
-        schedule: Schedule,
-        config: Config,
-        processes: Processes | None = None,
-    ) -> None:
+    def __init__(self, objective: Objective, schedule: Schedule, config: Config) -> None:
         members, device = objective.members, objective.pool.points.device
         starts = [
             initial_parameters(m.problem.spec, m.seed, config.network.initialization)
@@ -58,7 +51,6 @@ class Trainer:
         self.objective = objective
         self.schedule = schedule
         self.config = config
-        self.processes = processes or Processes(device)
         self.params = torch.stack(starts).to(objective.pool.points)
         self.law_variables = LawVariables(
             [m.law for m in members],
@@ -77,7 +69,6 @@ class Trainer:
             objective.precision,
         )
         self.step = 0
-        self.averaged = 0
         self.lr_scale = [1.0] * len(members)
         self.misfit = [0.0] * len(members)
         self.diverged: dict[int, str] = {}
@@ -109,7 +100,6 @@ class Trainer:
         """The rest of the state, as values for JSON."""
         return TrainingState(
             step=self.step,
-            averaged=self.averaged,
             lr_scale=tuple(self.lr_scale),
             misfit=tuple(self.misfit),
             diverged={str(e): reason for e, reason in self.diverged.items()},
@@ -120,7 +110,7 @@ class Trainer:
 
     def set_plain_state(self, state: TrainingState) -> None:
         """The inverse of `plain_state`; the caller copies the tensors into `tensors`."""
-        self.step, self.averaged = state.step, state.averaged
+        self.step = state.step
         self.lr_scale, self.misfit = list(state.lr_scale), list(state.misfit)
         self.diverged = {int(e): reason for e, reason in state.diverged.items()}
         names = ("total", "from_step", "from_progress")
@@ -139,24 +129,24 @@ class Trainer:
             self.misfit = self._misfit()
             self.remember()
         steps, prefit = self._stretch(), self.schedule.in_prefit(self.step)
-        at = Position(self.schedule, self.step, self.averaged, tuple(self.misfit))
-        after = self.control.prepare(at, steps, self.lr_scale, self.diverged)
+        at = self.schedule, self.step, self.misfit
+        self.control.prepare(*at, steps, self.lr_scale, self.diverged)
         if self.graphs is None:
             self.last = self.one_step(prefit)
         else:
             self.last = self.graphs.run(steps, prefit)
-            self.control.rows(after)  # while the device is busy
+            # while the device is busy
+            self.control.rows(self.schedule, self.step + steps, self.misfit)
         found = {e: text for e, text in self.control.faults().items() if e not in self.diverged}
         if len(found) + len(self.diverged) < len(self.lr_scale):  # the others made these steps
-            self.step, self.averaged = after.step, after.averaged
+            self.step += steps
         if found:
             self.control.reload()
             raise NonFiniteError(next(iter(found.values())), found)
 
     def _misfit(self) -> list[float]:
         """The misfit of the velocity of every member after the pre-fit."""
-        misfit = self.objective.misfit(self.step, self.params, self.law_variables.theta)
-        found = self.processes.broadcast(misfit)
+        found = self.objective.misfit(self.step, self.params, self.law_variables.theta)
         text = f"the misfit of the velocity became NaN or infinite in step {self.step + 1}"
         bad = {e: text for e, m in enumerate(found) if not math.isfinite(m)}
         if new := {e: text for e in bad if e not in self.diverged}:
@@ -166,7 +156,6 @@ class Trainer:
     def one_step(self, prefit: bool) -> Evaluation:
         """Make the step at the counter of `control`, without a copy from device to host."""
         e = self.objective.evaluate(self.control, self.params, self.law_variables.theta, prefit)
-        e = self.processes.all_reduce(e)
         self.optimizer.step(e.loss, e.grad_params, e.grad_theta, law_moves=not prefit)
         return e
 
@@ -184,8 +173,7 @@ class Trainer:
     def require_finite(self) -> None:
         """Raise NonFiniteError if a tensor of the state holds a NaN or an infinity.
 
-        A step tests what it uses. This finds the rest, such as the averages, before it is copied or
-        saved.
+        A step tests what it uses. This finds the rest, before it is copied or saved.
         """
         require_finite_members(self.tensors(), self.diverged, self.step + 1)
 
@@ -276,13 +264,9 @@ class Trainer:
         return self.objective.laws[member].to_physical(theta, unit)
 
     def trained(self, member: int = 0) -> tuple[Tensor, Tensor]:
-        """params [P] and theta [N] after the steps: their averages, once there are any."""
-        if self.averaged:
-            theta = self.law_variables.theta_of(self.optimizer.average_q)
-            params = self.optimizer.average_params
-        else:
-            params, theta = self.params, self.law_variables.theta
-        return params[member], theta[member, : len(self.objective.laws[member].parameters)]
+        """params [P] and theta [N] after the steps."""
+        theta = self.law_variables.theta[member, : len(self.objective.laws[member].parameters)]
+        return self.params[member], theta
 
     def rows(self, wall_s: float) -> list[Row]:
         """The history row of every member for the step that was just made, with its law in the

@@ -19,7 +19,7 @@ same points, and the scatter of their training cancels in a difference.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from torch import Tensor
@@ -41,20 +41,19 @@ class Assumption:
     """An assumption of an identification.
 
     Attributes:
-        name: of the assumption.
-        unit: of its value, "1" without one.
-        sd: standard deviation of its prior, > 0.
+        record: of the assumption, whose effect is not known yet; its `sd` is positive.
         pair: makes the members with the value one `sd` lower and higher; they have the seed of the
             trained member and corresponding points (granpinn/data/points.py).
-        example, change: a change of the value for the reader, in words and as a number.
+        change: of the value, in the example of the record.
     """
 
-    name: str
-    unit: str
-    sd: float
+    record: Assumed
     pair: Callable[[], tuple[Member, Member]]
-    example: str
     change: float
+
+    def without_effect(self, why: str) -> Assumed:
+        """The record where the effect is not known, for a reason."""
+        return replace(self.record, why=why)
 
 
 def effects(
@@ -89,12 +88,6 @@ def effects(
     return found
 
 
-def without_effect(assumption: Assumption, why: str) -> Assumed:
-    """The record of an assumption whose effect is not known, for a reason."""
-    a = assumption
-    return Assumed(a.name, a.unit, a.sd, None, a.example, why=why)
-
-
 def covariance(assumed: Sequence[Assumed], names: Sequence[str]) -> Float64:
     """The sum of sd^2 (d theta / d a)(d theta / d a)^T over assumptions, [L, L]."""
     total = np.zeros((len(names), len(names)))
@@ -117,14 +110,16 @@ def _assumed(
     lower: Float64 | None,
     upper: Float64 | None,
 ) -> Assumed:
-    a = assumption
     if lower is None or upper is None:
-        return without_effect(a, DIVERGED)
-    slope = (upper - lower) / (2 * a.sd)
+        return assumption.without_effect(DIVERGED)
+    slope = (upper - lower) / (2 * assumption.record.sd)
     places = {name: law.names.index(name) for name in law.free}
-    derivative = {name: float(slope[k]) for name, k in places.items()}
-    percent = {name: float(100 * slope[k] * a.change / value[k]) for name, k in places.items()}
-    return Assumed(a.name, a.unit, a.sd, derivative, a.example, percent)
+    change = assumption.change
+    return replace(
+        assumption.record,
+        derivative={name: float(slope[k]) for name, k in places.items()},
+        percent={n: float(100 * slope[k] * change / value[k]) for n, k in places.items()},
+    )
 
 
 BEGIN = 0.5  # place in the schedule whose learning rates the copies begin with

@@ -8,7 +8,7 @@ from pathlib import Path
 from bench.studies.reliability import kills, runs
 from tests.command.pageless import pageless
 
-FLAGS = ["--steps", "600", *kills.FLAGS, "--simulated_pressure.frames", "1"]
+FLAGS = ["--steps", "600", *kills.FLAGS]
 
 
 def test_two_kills_change_no_bit(tmp_path: Path) -> None:

@@ -110,10 +110,10 @@ def test_a_check_that_is_not_there_is_refused(flow: Flow, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("settings", "expected"),
     [
-        ({}, {"momentum_balance", "simulated_pressure"}),
+        ({}, {"momentum_balance"}),
         ({"checks": "none"}, set()),
-        ({"checks": "none", "resimulate": True}, {"resimulation"}),
-        ({"checks": "resimulation"}, {"resimulation"}),
+        ({"checks": "none", "free_I0": True}, {"unknown_I0"}),
+        ({"checks": "unknown_I0"}, {"unknown_I0"}),
     ],
 )
 def test_the_settings_say_which_checks_are_made(

@@ -70,7 +70,7 @@ def scripts() -> dict[str, str]:
         (["granpinn", "train", "flow.h5", "--network.w"], ["--network.widths"]),
         (["granpinn", "train", "--level", ""], ["V0", "V1", "V2"]),
         (["granpinn", "train", "--level", "V2"], ["V2"]),
-        (["granpinn", "report", "run", "--pa"], ["--paraview"]),
+        (["granpinn", "report", "run", "--ti"], ["--time"]),
         (["granpinn", "train", "flo"], ["flow.h5"]),
         (["granpinn", "train", "--out", "flo"], ["flow.h5"]),
         (["granpinn", "completion", "z"], ["zsh"]),
@@ -95,7 +95,7 @@ def test_bash_completes(
 
 @pytest.mark.parametrize("shell", completion.SHELLS)
 def test_the_script_is_valid(shell: str, scripts: dict[str, str], tmp_path: Path) -> None:
-    for word in ("network.widths", "V0", "paraview", "fish"):
+    for word in ("network.widths", "V0", "time", "fish"):
         assert word in scripts[shell]
     program = shutil.which(shell)
     if program is None:

@@ -12,26 +12,25 @@ from typing import Any
 import pytest
 
 from granpinn import identify, identify_many, results
-from granpinn.checks import simulated_pressure
+from granpinn.checks import momentum_balance
 from granpinn.command import training_run
 from granpinn.data import Flow
 from granpinn.figures import album
-from granpinn.fit import prediction
+from granpinn.fit import case, prediction
 from granpinn.identification.answer import ASSUMPTIONS, CURVE, FIELDS
 from granpinn.output import OutputError
 from granpinn.results.attempt import PENDING, attempt
-from granpinn.simulation import SimulationError
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars, sensitivity
 from tests.command.late_parts import FILES, missing, raising, run
 from tests.runs import tiny
 
-PRESSURE, BALANCE = "simulated_pressure", "momentum_balance"
+BALANCE = "momentum_balance"
 # The parts in their order, by what makes them: those that are not done when one begins.
 PARTS: dict[str, tuple[Any, str, tuple[str, ...]]] = {
-    "copies": (sensitivity, "continued", (CURVE, BALANCE, PRESSURE, ASSUMPTIONS)),
-    "fields": (prediction, "predict", (FIELDS, CURVE, BALANCE, PRESSURE, ASSUMPTIONS)),
-    "simulator": (simulated_pressure, "at_frames", (PRESSURE,)),
+    "copies": (sensitivity, "continued", (CURVE, BALANCE, ASSUMPTIONS)),
+    "fields": (prediction, "predict", (FIELDS, CURVE, BALANCE, ASSUMPTIONS)),
+    "balance": (case, "baseline", (BALANCE,)),
 }
 
 
@@ -49,7 +48,7 @@ def test_everything_is_on_disk_when_a_part_begins(
 
     def look(*args: Any, **kwargs: Any) -> Any:
         if not found:
-            if part == "simulator":
+            if part == "balance":
                 assert "p" in results.read_fields(tmp_path / "fields.h5").values
             if part != "fields":
                 assert {path.name for path in tmp_path.iterdir()} >= FILES
@@ -58,7 +57,7 @@ def test_everything_is_on_disk_when_a_part_begins(
 
     monkeypatch.setattr(owner, name, look)
     monkeypatch.setattr(error_bars, "untested", lambda config: [])
-    last = identify(flow_file, tiny(steps=200, simulated_pressure__frames=1), run_dir=tmp_path)
+    last = identify(flow_file, tiny(steps=200), run_dir=tmp_path)
     (before,) = found
     assert missing(before) == dict.fromkeys(pending, PENDING)
     (line,) = before.assumptions
@@ -72,12 +71,11 @@ def test_everything_is_on_disk_when_a_part_begins(
     assert last.error_bars is not None
     assert last.error_bars.assumptions is not None
     assert read(tmp_path).to_dict() == last.to_dict()
-    assert "p_simulated" in results.read_fields(tmp_path / "fields.h5").values
 
 
 FAILURES: list[tuple[Any, str, Exception, str, int]] = [
-    (simulated_pressure, "settle", MemoryError("Unable to allocate 31 GiB"), PRESSURE, 0),
-    (simulated_pressure, "settle", RecursionError("deep\nand\x1b[2J long"), PRESSURE, 0),
+    (case, "baseline", MemoryError("Unable to allocate 31 GiB"), BALANCE, 0),
+    (case, "baseline", RecursionError("deep\nand\x1b[2J long"), BALANCE, 0),
     (sensitivity, "continued", KeyError("a bug"), ASSUMPTIONS, 0),
     (prediction, "predict", MemoryError(), FIELDS, 1),
     (training_run.report, "build", RuntimeError("no page today"), "report", 0),
@@ -113,18 +111,7 @@ def test_a_part_fails_alone(
         assert {path.name for path in (tmp_path / "run").iterdir()} >= FILES
     assert result.parameters.mu_s.value > 0
     assert result.residuals is not None
-    assert (PRESSURE in result.checks) == (part not in (PRESSURE, FIELDS))
-
-
-@pytest.mark.usefixtures("no_report")
-def test_a_frame_that_does_not_converge_is_left_out(
-    flow_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    error = SimulationError("the pressure did not converge")
-    monkeypatch.setattr(simulated_pressure, "settle", raising(error))
-    assert run(flow_file, "--out", tmp_path / "run") == 0
-    result = read(tmp_path / "run")
-    assert (result.checks[PRESSURE].failed, result.not_done) == (2, {})
+    assert (BALANCE in result.checks) == (part != BALANCE)
 
 
 def in_the_copies(trainer: Trainer, real: Any = sensitivity.Trainer.advance) -> None:
@@ -133,13 +120,13 @@ def in_the_copies(trainer: Trainer, real: Any = sensitivity.Trainer.advance) -> 
         os.kill(os.getpid(), signal.SIGINT)
 
 
-def in_the_simulator(*args: Any, **kwargs: Any) -> Any:
+def in_the_balance(*args: Any, **kwargs: Any) -> Any:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
 SIGNALS: dict[str, tuple[Any, str, Any, int]] = {
     "copies": (sensitivity.Trainer, "advance", in_the_copies, 130),
-    "simulator": (simulated_pressure, "at_frames", in_the_simulator, 143),
+    "balance": (case, "baseline", in_the_balance, 143),
 }
 
 
@@ -169,26 +156,23 @@ def test_a_signal_stops_and_resume_makes_the_rest(
 def test_a_member_of_a_batch_fails_alone(
     flow: Flow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real = simulated_pressure.velocity_of
+    real = momentum_balance.undetermined
     begun = []
 
-    def second_fails(flow: Flow, model: Any) -> Any:
+    def second_fails(seen: Flow, level: Any) -> Any:
         written = [(tmp_path / f"{e:03d}" / "results.json").exists() for e in range(3)]
-        assert all(written)  # of all members, before the first simulation
-        begun.append(flow)
+        assert all(written)  # of all members, before the first check
+        begun.append(seen)
         if len(begun) == 2:
             raise MemoryError
-        return real(flow, model)
+        return real(seen, level)
 
-    monkeypatch.setattr(simulated_pressure, "velocity_of", second_fails)
-    config = tiny(simulated_pressure__frames=1)
-    found = identify_many([flow] * 3, config, [0, 1, 2], run_dir=tmp_path)
-    why = {PRESSURE: "there is not enough memory"}
+    monkeypatch.setattr(momentum_balance, "undetermined", second_fails)
+    found = identify_many([flow] * 3, tiny(), [0, 1, 2], run_dir=tmp_path)
+    why = {BALANCE: "there is not enough memory"}
     assert [missing(result) for result in found] == [{}, why, {}]
     for e, result in enumerate(found):
         assert read(tmp_path / f"{e:03d}").to_dict() == result.to_dict()
-        values = results.read_fields(tmp_path / f"{e:03d}" / "fields.h5").values
-        assert ("p_simulated" in values) == (e != 1)
 
 
 def test_a_disk_that_is_full_is_no_missing_part() -> None:
@@ -209,7 +193,7 @@ def test_a_figure_fails_alone(
     error = RecursionError("deep\nand\x1b[2J long")
     title, _ = album.FIGURES["velocity"]
     monkeypatch.setitem(album.FIGURES, "velocity", (title, raising(error)))
-    assert run(flow_file, "--out", tmp_path / "run", "--simulated_pressure.frames", 0) == 0
+    assert run(flow_file, "--out", tmp_path / "run") == 0
     page = (tmp_path / "run" / "report.html").read_text()
     assert f"<li>{title}: " in page
     assert not (tmp_path / "run" / "figures" / "velocity.png").exists()

@@ -18,11 +18,8 @@ RUN = ("flow.h5", "--out", "run")
 @pytest.mark.parametrize(
     ("words", "on"),
     [
-        (["--optimizer.last_layer", "false"], False),
-        (["--optimizer.last_layer=false"], False),
         (["--no-optimizer.last_layer"], False),
         (["--optimizer.last_layer"], True),
-        (["--optimizer.last_layer", "True"], True),
         ([], True),
     ],
     ids=str,

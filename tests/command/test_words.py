@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from granpinn.command import cli
-from granpinn.commands import collect, convert, inspect, report, train
+from granpinn.commands import convert, inspect, report, train
 from granpinn.config import ConfigError
 from granpinn.config.values import convert as value_of
 from granpinn.data import write_flow
@@ -67,7 +67,6 @@ EMPTY: dict[str, Callable[..., int]] = {
     "train": lambda *words: train.main(["a.h5", *words]),
     "convert": lambda *words: convert.main(["a.txt", *words]),
     "inspect": lambda *words: inspect.main(["a.h5", *words]),
-    "collect": lambda *words: collect.main(["a", *words]),
     "simulate": lambda *words: cli.command("simulate")(list(words)),
     "report": lambda *words: report.main([*words, ""]),
 }

@@ -21,7 +21,6 @@ NUMBERS = {
 }
 # Of these the memory or the time of a run limits the use.
 COSTLY = ("members", "batch.interior", "batch.surface", "steps", "epochs", "max_time", "network")
-LATER = ("simulated_pressure", "resimulation")
 
 
 def bounds(stated: Setting) -> tuple[float, float]:
@@ -66,7 +65,7 @@ def flow() -> Flow:
     return make_flow(frames=4, rows=12, columns=10)
 
 
-@pytest.mark.parametrize("key", [k for k in NUMBERS if not k.startswith((*COSTLY, *LATER))])
+@pytest.mark.parametrize("key", [k for k in NUMBERS if not k.startswith(COSTLY)])
 @pytest.mark.parametrize("end", [0, 1])
 def test_a_training_at_a_bound_ends_in_numbers_or_a_sentence(
     key: str, end: int, flow: Flow

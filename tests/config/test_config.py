@@ -146,8 +146,7 @@ def test_the_identity_has_every_setting_but_the_free_ones() -> None:
     missing = flatten(Config()).keys() - identity(Config()).keys()
     after_training = {
         "free_I0",
-        "resimulate",
-        *("simulated_pressure.frames", "simulated_pressure.cells", "side_walls.friction_sd"),
+        "side_walls.friction_sd",
     }
     assert missing == after_training | {
         *("flow", "further_flows", "out", "checks", "resume"),

@@ -12,7 +12,7 @@ from tests.docs.test_site import DOCS, PAGES
 
 FLAG = re.compile(r"(?<![\w-])--[a-zA-Z][\w.-]*\w|--c\b")
 CALL = re.compile(r"granpinn[. ](\w+)(.*)")
-OTHERS = {"--nproc-per-node", "--no-build-isolation", "--cpus-per-task", "--python", "--torch"}
+OTHERS = {"--no-build-isolation", "--cpus-per-task", "--python", "--torch"}
 
 
 @pytest.fixture(scope="module")

@@ -13,13 +13,9 @@ from matplotlib.collections import QuadMesh
 from granpinn.figures import maps, style
 from granpinn.results import Fields
 from granpinn.results.fields import Units
-from tests.figures.drawn import shares
-from tests.run_folder import Array, Contents, with_values
+from tests.run_folder import Array, Contents
 
 K = 8
-
-
-SIMULATED = 7  # a frame with a simulated pressure
 
 
 @pytest.fixture
@@ -50,21 +46,6 @@ def test_the_window_holds_all_grains_and_one_cell_more(fields: Fields) -> None:
     cut = fields.c[K, window.rows, window.columns] > 0.5
     assert not cut[-1].any()
     assert cut[-2].any()
-
-
-def test_the_simulated_pressure_and_what_is_open(fields: Fields) -> None:
-    k = SIMULATED
-    drawing = maps.simulated_pressure(fields, k)
-    simulated, gap, error = drawing.figure.axes[:3]
-    p, found = fields.frame("p", k), fields.frame("p_simulated", k)
-    assert np.isfinite(found).any()
-    expected = (found, np.abs(p - found), found - fields.frame("p_reference", k))
-    for axes, values in zip((simulated, gap, error), expected, strict=True):
-        np.testing.assert_array_equal(shown(axes), inside(values))
-    assert mesh(gap).get_clim()[0] == 0
-    assert "the motion does not fix the pressure" in drawing.caption
-    at = f"t = {fields.t[k]:.3g} s"
-    assert drawing.caption.startswith(f"Simulated pressure in the grains at {at}")
 
 
 def test_pressure_beside_its_reference(fields: Fields) -> None:
@@ -102,28 +83,3 @@ def test_grains_of_every_shape_fit_their_figure(
     first, second = (axes.get_position() for axes in speed.axes[:2])
     stacked = first.y0 > second.y1
     assert stacked == (maps.aspect_of(fields, maps.grain_window(fields, K)) < maps.WIDE)
-    style.save(maps.momentum_residual(fields, K).figure, tmp_path / "residual.png")
-
-
-def test_the_momentum_residual_and_its_shares(fields: Fields) -> None:
-    n = fields.index.size
-    size = np.geomspace(1e-4, 1e2, n)
-    rest = np.arange(n) % 3 == 0  # there the residual is huge, and says nothing
-    fields = with_values(
-        fields,
-        momentum_residual_x=np.where(rest, 1e6, 0.6 * size),
-        momentum_residual_y=np.where(rest, 0, -0.8 * size),
-        D2=np.where(rest, 0.0, 1e3),
-    )
-    drawing = maps.momentum_residual(fields, K)
-    field_map, histogram = drawing.figure.axes[:2]
-    now = fields.time_of_points() == fields.t[K]
-    grey, colored = (m for m in field_map.collections if isinstance(m, QuadMesh))
-    np.testing.assert_allclose(np.ma.compressed(colored.get_array()), size[now & ~rest], 1e-6)
-    assert np.ma.count(grey.get_array()) == (now & rest).sum() > 0
-    assert "Grey: grains at rest" in drawing.caption
-    heights = shares(histogram)
-    assert sum(heights) == pytest.approx(1)
-    median, high = (np.asarray(found.get_xdata(), float)[0] for found in histogram.lines)
-    assert median == pytest.approx(0.1, rel=0.02)
-    assert (size < high).mean() == pytest.approx(0.95, abs=1e-3)

@@ -10,7 +10,7 @@ import pytest
 
 from granpinn.data import Flow
 from granpinn.data.norms import relative_l2
-from granpinn.fit.scoring import score, strain_rate, strain_rate_of, zones_of
+from granpinn.fit.scoring import score, strain_rate, zones_of
 from granpinn.results import ErrorPercent, Fields, Parameters
 from granpinn.results.fields import D2_STAGNANT, after_start, flowing
 from tests.examples import PARAMETERS, make_fields
@@ -29,7 +29,7 @@ def two_zones(**changes: object) -> Flow:
 
 
 def errors_of(flow: Flow, fields: Fields, parameters: Parameters = PARAMETERS) -> ErrorPercent:
-    return score(flow, fields, parameters, lambda: strain_rate_of(flow))
+    return score(flow, fields, parameters)
 
 
 def test_relative_l2_is_the_formula_of_the_paper() -> None:
@@ -99,7 +99,7 @@ def test_errors_are_split_into_flowing_and_stagnant() -> None:
     p_squared = flow.p[inside].astype(np.float64) ** 2
     shares = 0.1**2 * p_squared[flows].sum() + 0.4**2 * p_squared[~flows].sum()
     assert errors.pressure == pytest.approx(100 * math.sqrt(shares / p_squared.sum()), rel=1e-5)
-    found = zones_of(flow, fields, lambda: strain_rate_of(flow))
+    found = zones_of(flow, fields)
     np.testing.assert_array_equal(found, [flows, ~flows])
     assert flows.sum() == 160
 
@@ -111,7 +111,7 @@ def test_the_zones_of_a_noisy_file_come_from_the_prediction(name: str, array: bo
     flow = two_zones(**{name: sigma})
     n = flow.c.size
     predicted = np.arange(n) >= 30
-    found = zones_of(flow, make_fields(flow, D2=predicted), lambda: strain_rate_of(flow))
+    found = zones_of(flow, make_fields(flow, D2=predicted))
     np.testing.assert_array_equal(found, [predicted, ~predicted])
 
 

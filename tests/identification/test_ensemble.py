@@ -15,14 +15,14 @@ from granpinn.data import Flow
 from granpinn.fit.case import pose
 from granpinn.identification.start import start
 from granpinn.results import Result
+from granpinn.training.device import choose_device
 from granpinn.training.history import Row
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.parallel import processes
-from granpinn.training.progress import Silent
+from granpinn.training.progress import Progress
 from tests.flows import make_flow
 from tests.runs import tiny
 
-CONFIG = tiny(optimizer__average=0.2)
+CONFIG = tiny()
 
 
 def numbers(result: Result) -> tuple[object, ...]:
@@ -63,7 +63,7 @@ def test_a_member_has_the_bits_of_a_single_run(flow: Flow, other: Flow) -> None:
 
 
 def test_the_folder_of_a_member_is_that_of_a_run(flow: Flow, tmp_path: Path) -> None:
-    class Listener(Silent):
+    class Listener(Progress):
         rows: list[Row] = []  # noqa: RUF012
 
         def show(self, row: Row) -> None:
@@ -110,7 +110,7 @@ def make_run(flow: Flow, members: int) -> TrainingLoop:
         dataclasses.replace(case, member=dataclasses.replace(case.member, seed=seed))
         for seed in range(members)
     ]
-    return start(cases, config, None, None, 0.0, processes("cpu"), [None] * members)
+    return start(cases, config, None, None, 0.0, choose_device("cpu"), [None] * members)
 
 
 def spoil(run: TrainingLoop, member: int, steps: set[int]) -> None:

@@ -18,10 +18,10 @@ from ..runs import tiny
 
 def test_members_of_one_batch_have_laws_of_their_own(flow: Flow) -> None:
     """Each member ends where it ends alone."""
-    config = tiny(**{"simulated_pressure__frames": 0})
+    config = tiny()
     together = identify_many([flow] * len(LAWS), config, laws=list(LAWS))
     for name, found in zip(LAWS, together, strict=True):
-        alone = identify(flow, tiny(law=name, **{"simulated_pressure__frames": 0}))
+        alone = identify(flow, tiny(law=name))
         assert found.law.name == name
         assert found.parameters.keys() == alone.parameters.keys()
         for parameter, value in found.parameters.items():

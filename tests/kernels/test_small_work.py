@@ -21,7 +21,7 @@ from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training.objective import Member, Objective
 from granpinn.training.optimise import ParameterGroup
 from granpinn.training.problem import build
-from granpinn.training.schedule import HEALTHY, Position, Schedule
+from granpinn.training.schedule import HEALTHY, Schedule
 from granpinn.training.trainer import Trainer
 from tests.flows import make_flow
 
@@ -186,7 +186,6 @@ def after_steps(device: str, method: str, steps: int) -> dict[str, Tensor]:
         batch__interior=33,
         batch__surface=6,
         optimizer__method=method,
-        optimizer__average=1.0,
     )
     flow = make_flow()
     scales = scales_of(flow)
@@ -195,8 +194,8 @@ def after_steps(device: str, method: str, steps: int) -> dict[str, Tensor]:
     members = [Member(posed, data, seed, DEFAULT, {"I0": config.I0}) for seed in (0, 1, 2)]
     objective = Objective(members, config.batch, torch.device(device))
     trainer = Trainer(objective, Schedule(40, config.optimizer), config)
-    at = Position(trainer.schedule, 0, 0, tuple(trainer.misfit))
-    trainer.control.prepare(at, steps, trainer.lr_scale, trainer.diverged)
+    at = trainer.schedule, 0, trainer.misfit
+    trainer.control.prepare(*at, steps, trainer.lr_scale, trainer.diverged)
     with torch.no_grad():
         for step in range(steps):
             trainer.one_step(prefit=step < 2)

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from granpinn.checks.simulated_pressure import SimulatedPressure
 from granpinn.data import Truth
 from granpinn.figures import album
 from granpinn.report import page as pages
@@ -41,7 +40,6 @@ def test_the_figures_are_inside(built: Path) -> None:
     page = Page((built / "report.html").read_text(encoding="utf-8"))
     sources = page.values("img", "src")
     titles = {name: title for name, (title, _) in album.FIGURES.items()}
-    titles["pressure_simulated"] = "Simulated pressure"
     for source, name in zip(sources, titles, strict=True):
         head, data = source.split(",")
         assert head == "data:image/png;base64"
@@ -86,7 +84,7 @@ def test_values_and_errors_have_their_digits() -> None:
         "pressure 4.00 pressure, flowing - pressure, stagnant - ",
         "1,234 velocity vectors of 12 frames and 56 surface points",
         "White noise of 5 % of the maximum speed",
-        "4,000 steps in 0 s on cpu; the time limit decided how many",
+        "4,000 steps in 0:00 on cpu; the time limit decided how many",
         "reproduced to 0.80 %",
         "Stagnant: D2 below 0.05",
         "mixed form, default recipe, seed 7",
@@ -96,38 +94,6 @@ def test_values_and_errors_have_their_digits() -> None:
         "one standard deviation",
     ):
         assert words in text, words
-
-
-@pytest.mark.parametrize(
-    ("simulated_pressure", "words"),
-    [
-        (
-            SimulatedPressure(
-                None, 512, (3, 7), failed=1, flowing_percent=1.234, stagnant_percent=12.3
-            ),
-            "Simulated pressure at 2 times: the predicted pressure differs by 1.2 % in flowing "
-            "grains and 12.3 % in resting grains (left out: 1 did not converge).",
-        ),
-        (
-            SimulatedPressure("gravity is strange"),
-            "No simulated pressure: gravity is strange.",
-        ),
-        (
-            SimulatedPressure(None, 64, late=4),
-            "No simulated pressure (left out: 4 had no time left).",
-        ),
-    ],
-)
-def test_the_simulated_pressure_is_said_in_words(
-    simulated_pressure: SimulatedPressure, words: str
-) -> None:
-    errors = ErrorPercent(pressure=4.0, pressure_simulated=1.6, pressure_simulated_stagnant=0.9)
-    checks = {"simulated_pressure": simulated_pressure}
-    text = render(make_result(checks=checks, error_percent=errors)).text
-    assert words in text
-    assert "The simulated pressure is off the reference by 1.60 %." in text
-    assert "pressure, simulated 1.60 pressure, simulated, stagnant 0.90" in text
-    assert "simulator" not in render(make_result(checks={})).text
 
 
 def test_what_is_not_known_is_said() -> None:

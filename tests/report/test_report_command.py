@@ -32,7 +32,6 @@ def two_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(album, "FIGURES", two)
     for name in two:
         monkeypatch.setattr(curves, name, lambda *_: Drawing(new_figure(1.0), "Empty."))
-    monkeypatch.setattr(maps, "simulated_pressure", lambda *_: Drawing(new_figure(1.0), "Empty."))
 
 
 def build(folder: Path) -> Page:
@@ -53,7 +52,7 @@ def test_a_folder_with_results_alone_gives_a_page(tmp_path: Path) -> None:
 
 
 def test_damaged_fields_are_said_and_their_old_figures_removed(run_dir: Path) -> None:
-    assert build(run_dir).tags.count("img") == 3
+    assert build(run_dir).tags.count("img") == 2
     content = (run_dir / "fields.h5").read_bytes()
     (run_dir / "fields.h5").write_bytes(content[: len(content) // 2])
     page = build(run_dir)
@@ -66,7 +65,7 @@ def test_damaged_fields_are_said_and_their_old_figures_removed(run_dir: Path) ->
 def test_a_damaged_history_is_said(run_dir: Path) -> None:
     (run_dir / "history.csv").write_bytes(b"\xff\xfe\n")
     page = build(run_dir)
-    assert page.values("img", "alt") == ["Friction law", "Simulated pressure"]
+    assert page.values("img", "alt") == ["Friction law"]
     assert "history.csv could not be read: 'utf-8' codec" in page.text
 
 
@@ -101,15 +100,6 @@ def test_the_command_prints_the_page(
     assert main([str(run_dir), "--time", "0.3"]) == 0
     assert capsys.readouterr() == (f"{run_dir / 'report.html'}\n", "")
     assert times == [0.3]
-
-
-def test_the_command_writes_the_fields_for_paraview(
-    run_dir: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([str(run_dir), "--paraview"]) == 0
-    page, path = run_dir / "report.html", run_dir / "fields.nc"
-    assert capsys.readouterr() == (f"{page}\n{path}\n", "")
-    assert path.stat().st_size > 0
 
 
 @pytest.mark.parametrize(

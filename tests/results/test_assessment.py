@@ -155,7 +155,6 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "only mu_2 is wide": ({"law": law(1.05), "parameters": LARGE_MU_2}, "good", "+- 4.9 %"),
     "no errors": (without_bars(), "care", "The errors are not known: too few steps."),
     "no band": ({"law": law(None)}, "good", "mu_s is known to +- 4.9 %: 0.41 (0.39 to 0.43)"),
-    "stopped by a callback": ({"stopped": "on_step"}, "care", "was stopped at step 4000, before"),
     "outside": (outside(), "care", "The error bars are not tested here: mu_2/mu_s = 2.9 (tested"),
     "disagreeing": (far(-16.0), "care", "by -16.0 +- 5.0 % at I = 0.2: one of them is wrong."),
     "agreeing": (far(-14.0), "good", "mu(I) is known to"),

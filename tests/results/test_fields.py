@@ -14,7 +14,6 @@ import xarray
 from granpinn.results import (
     Fields,
     FieldsFileError,
-    append_variable,
     read_fields,
     write_fields,
 )
@@ -78,33 +77,6 @@ def test_what_is_written_comes_back(known_pressure: bool, fields: Fields, tmp_pa
     assert back.units == fields.units
     assert (back.length, back.time) == (fields.length, fields.time)
     assert back.pressure == fields.pressure
-
-
-def described(path: Path) -> dict[str, tuple[object, ...]]:
-    """Values, storage, attributes and axes of everything in a file."""
-    with h5py.File(path) as file:
-        found: dict[str, tuple[object, ...]] = {"": (sorted(file.attrs.items()),)}
-        for name, data in file.items():
-            back = [file[row[0]].name for row in data.attrs.get("REFERENCE_LIST", ())]
-            axes = [axis[0].name for axis in data.dims] if data.ndim == 3 else []
-            plain = {k: v for k, v in data.attrs.items() if not k.endswith("_LIST")}
-            storage = (data.dtype, data.shape, data.chunks, data.compression, data.shuffle)
-            options = data.compression_opts, data.fillvalue, data.maxshape
-            values = data[()].tobytes()
-            found[name] = (values, storage, options, sorted(plain.items()), axes, sorted(back))
-        return found
-
-
-def test_a_variable_that_is_appended_is_as_if_it_had_been_there(
-    fields: Fields, tmp_path: Path
-) -> None:
-    whole, part = tmp_path / "whole.h5", tmp_path / "part.h5"
-    others = {name: value for name, value in fields.values.items() if name != "p_simulated"}
-    write_fields(replace(fields, values=others), part)
-    append_variable(fields, "p_simulated", part)
-    write_fields(fields, whole)
-    assert described(part) == described(whole)
-    assert read_fields(part).values.keys() == read_fields(whole).values.keys()
 
 
 def test_a_vector_that_is_missing_in_the_flow_stays_missing(tmp_path: Path) -> None:

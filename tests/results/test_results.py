@@ -170,10 +170,10 @@ def test_the_summary_is_a_table() -> None:
 
 def test_assumptions_are_kept_and_shown(tmp_path: Path) -> None:
     known = Assumed(
-        *("surface line", "m", 0.005, {"mu_s": 0.4, "mu_2": -1.6}),
-        *("surface line one grain higher", {"mu_s": 0.5, "mu_2": -1.3}),
+        *("surface line", "m", 0.005, "surface line one grain higher"),
+        *({"mu_s": 0.4, "mu_2": -1.6}, {"mu_s": 0.5, "mu_2": -1.3}),
     )
-    lost = Assumed("wall friction", "1", 0.05, None, "wall friction 0.05 higher", why="it diverged")
+    lost = Assumed("wall friction", "1", 0.05, "wall friction 0.05 higher", why="it diverged")
     result = make_result(assumptions=(known, lost))
     write_results(result, tmp_path / "results.json")
     assert read_results(tmp_path / "results.json") == result

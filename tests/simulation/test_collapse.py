@@ -1,15 +1,10 @@
 """A whole collapse: mass, energy, the window, threads, iteration counts, regimes, cohesion."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-import granpinn
-from granpinn.data.flow import Walls
 from granpinn.simulation import Collapse, Engine, State, StepReport
 from granpinn.simulation.engine import solver_parameters
-from granpinn.simulation.likeness import initial_column
 from tests.simulation.problems import dissipation
 
 # (mu_s, mu_2) of mu(I) in the six regimes of the paper's figure 3.
@@ -151,14 +146,3 @@ def test_units_do_not_matter() -> None:
     grains = (a.c == 1) & (b.c == 1)
     scaled = b.p[grains] / (density * g * length)
     assert np.linalg.norm(a.p[grains] - scaled) < 0.01 * np.linalg.norm(a.p[grains])
-
-
-def test_walls_of_a_collapse_are_those_of_the_simulator() -> None:
-    """A file may state the floor, the left wall and the right one, at its box_width."""
-    flow = granpinn.simulate(
-        Collapse(0.4, 0.64, 0.3, cells=64, frames=3, t_end=0.2, stride=2, threads=1)
-    )
-    x, y = np.array([0.0, 0.0, 12.0, 12.0]), np.array([12.0, 0.0, 0.0, 12.0])
-    assert not isinstance(initial_column(dataclasses.replace(flow, walls=Walls(x, y))), str)
-    moving = Walls(x, y, u=np.full(4, 0.1), v=np.zeros(4))
-    assert "does not have" in str(initial_column(dataclasses.replace(flow, walls=moving)))

@@ -23,7 +23,7 @@ from granpinn.data import Flow
 from granpinn.training.graphs import Graphs
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.objective import Evaluation, Objective
-from granpinn.training.schedule import Position, Schedule
+from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
 from tests.runs import make_objective, make_trainer, tiny
 
@@ -65,8 +65,7 @@ def graphed(config: Config, flow: Flow) -> Trainer:
 
 def at_step(trainer: Trainer, step: int) -> None:
     """Make the device ready for a step."""
-    at = Position(trainer.schedule, step, trainer.averaged, tuple(trainer.misfit))
-    trainer.control.prepare(at, 1, [1.0], ())
+    trainer.control.prepare(trainer.schedule, step, trainer.misfit, 1, [1.0], ())
 
 
 def assert_same(one: Trainer, other: Trainer) -> None:
@@ -77,7 +76,7 @@ def assert_same(one: Trainer, other: Trainer) -> None:
 
 
 CONFIGS: dict[str, dict[str, Any]] = {
-    "muon": {"log_every": 13, "steps": 60, "optimizer__average": 0.3},
+    "muon": {"log_every": 13, "steps": 60},
     "adam": {"optimizer__method": "adam", "log_every": 12, "steps": 45},
     "strong": {"form": "strong", "log_every": 300, "steps": 310},
 }

@@ -23,7 +23,7 @@ from granpinn.training import checkpoint
 from granpinn.training.graphs import Graphs
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.progress import Silent
+from granpinn.training.progress import Progress
 from tests.runs import make_objective, make_run, make_trainer, tiny
 from tests.training.test_graphs import record
 
@@ -39,10 +39,8 @@ STATE = {
     "optimizer.second": ("parameters", "tensor optimizer.second"),
     "optimizer.q.first": ("friction law",),
     "optimizer.q.second": ("friction law",),
-    "average.params": ("tensor average.params",),
-    "average.q": ("tensor average.q",),
 }
-SETTINGS: dict[str, Any] = {"level": "V2", "optimizer__average": 0.8, "checkpoint_every": 0.0}
+SETTINGS: dict[str, Any] = {"level": "V2", "checkpoint_every": 0.0}
 
 
 class Spoiled:
@@ -171,4 +169,4 @@ def test_bad_data_is_refused_before_the_first_step(name: str, flow: Flow) -> Non
     objective: Any = make_objective(tiny(), flow)
     getattr(objective.pool, name)[1, 0] = math.nan
     with pytest.raises(NonFiniteError, match="of the training set hold 1 value"):
-        TrainingLoop(objective, tiny(), None, Silent())
+        TrainingLoop(objective, tiny(), None, Progress())

@@ -13,12 +13,12 @@ from granpinn.identification.start import start
 from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import DEFAULT
 from granpinn.training import last_layer
+from granpinn.training.device import choose_device
 from granpinn.training.features import Features, coefficients
 from granpinn.training.last_layer import FEWER, mean_length
 from granpinn.training.last_layer_sums import Sums, Unknowns, choose
 from granpinn.training.objective import Member
-from granpinn.training.parallel import processes
-from granpinn.training.progress import Silent
+from granpinn.training.progress import Progress
 from tests.runs import tiny
 from tests.training.test_last_layer import PHYSICS, SPEC, THETA, draw, problem
 
@@ -54,9 +54,8 @@ def test_what_follows_the_step_has_its_length(
     """A comparison of laws has the equations of the last layer."""
     monkeypatch.setattr(last_layer, "CONTRADICTED", factor)
     config = tiny(steps=60)
-    run = start(
-        members(pose(flow, config)), config, None, Silent(), time.monotonic(), processes("cpu")
-    )
+    cases, device = members(pose(flow, config)), choose_device("cpu")
+    run = start(cases, config, None, Progress(), time.monotonic(), device)
     run.train()
     ended = run.trainer.ended(0)
     assert ended is not None

@@ -48,7 +48,7 @@ def notebook(monkeypatch: pytest.MonkeyPatch) -> Output:
 
 
 def test_a_notebook_shows_one_line_without_being_asked(flow: Flow, notebook: Output) -> None:
-    identify(flow, tiny(steps=20, simulated_pressure__frames=0))
+    identify(flow, tiny(steps=20))
     first, last = notebook.contents[0], notebook.contents[-1]
     assert first == {
         "text/plain": "fit 0/20",

@@ -152,18 +152,6 @@ def test_hidden_matrices_of_one_shape_are_one_batch() -> None:
     assert hidden_groups((3, 128, 128, 128, 128, 5)) == [ParameterGroup(512, 3, 128, 128)]
 
 
-def test_the_average_is_the_mean(device: torch.device) -> None:
-    one = Updates("muon", device=device)
-    states = []
-    for count in range(5):
-        one.control.table[count, 1] = 1 / (count + 1)
-        one.step(count)
-        states.append((one.params.clone(), one.law.q.clone()))
-    params, q = (torch.stack(values).mean(0) for values in zip(*states, strict=True))
-    torch.testing.assert_close(one.optimizer.average_params, params)
-    torch.testing.assert_close(one.optimizer.average_q, q)
-
-
 @pytest.mark.parametrize("method", ["adam", "muon"])
 def test_a_member_of_an_ensemble_has_the_bits_of_one_alone(method: str) -> None:
     together = Updates(method)

@@ -48,7 +48,6 @@ SMALL = {
     "network.widths": [16, 16],
     "batch.interior": 64,
     "batch.surface": 8,
-    "simulated_pressure.frames": 0,
     "device": "cpu",
 }
 

@@ -37,12 +37,6 @@ def test_each_stage_warms_up_and_decays() -> None:
     assert s.learning_rate(999) == pytest.approx(0, abs=0.01)
 
 
-def test_the_end_of_the_run_is_averaged() -> None:
-    s = schedule(average=0.25)
-    assert [s.averages(step) for step in (0, 749, 750, 999)] == [False, False, True, True]
-    assert not any(schedule(average=0.0).averages(step) for step in range(1000))
-
-
 @pytest.mark.parametrize("total", [600, 5000])
 def test_a_new_schedule_goes_on_without_a_jump_and_ends_at_the_end(total: int) -> None:
     s = schedule(prefit=0.2, warm_up=0.05)

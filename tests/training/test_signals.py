@@ -141,11 +141,9 @@ PHASES = {
     "training": ("granpinn.training.trainer:Trainer.advance", 200),
     "last layer": ("granpinn.training.trainer:Trainer.solve_last_layer", 0),
     "copies": ("granpinn.uncertainty.sensitivity:continued", 0),
-    "simulated pressure": ("granpinn.checks.simulated_pressure:settle", 0),
-    "resimulation": ("granpinn.checks.resimulation:resimulate", 0),
+    "a check": ("granpinn.fit.case:baseline", 0),
     "figures": ("granpinn.report.page:build", 0),
 }
-THREAD = ("simulated pressure", True)
 # A training that announces a phase and stays in it; if it is slow, it takes long to clean up.
 CHILD = """
 import importlib, sys, time
@@ -186,8 +184,7 @@ checkpoint.save = saved
 sys.exit(train.main(sys.argv[4:]))
 """
 SHORT = ["--network.widths", "16,16", "--batch.interior", "64", "--batch.surface", "16"]
-SHORT += ["--steps", "400", "--log-every", "20", "--simulated_pressure.frames", "4"]
-SHORT += ["--resimulate", "--simulated_pressure.cells", "64"]
+SHORT += ["--steps", "400", "--log-every", "20"]
 
 
 @pytest.fixture(scope="module")
@@ -201,11 +198,8 @@ def collapse(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.long
 @pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize(
-    ("phase", "twice"),
-    # The pressure is simulated in a thread, which has nothing to clean up.
-    [(phase, k) for phase in PHASES for k in (False, True) if (phase, k) != THREAD],
-)
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("twice", [False, True])
 def test_a_signal_in_any_phase_stops_the_command(
     phase: str, signum: signal.Signals, twice: bool, collapse: Path, tmp_path: Path
 ) -> None:

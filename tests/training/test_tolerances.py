@@ -59,9 +59,6 @@ def test_tolerances_scale_with_the_flow() -> None:
         assert sigma(name, fast) == pytest.approx(2 * sigma(name, slow))
     for name in ("surface", "momentum"):
         assert sigma(name, fast) == sigma(name, slow)
-    for name in NAMES:
-        plain = sigma(name, fast, weights__units="dimensionless")
-        assert plain == Config().weights.sigma(name)
 
 
 def test_the_momentum_of_a_mean_over_columns_fluctuates_less() -> None:

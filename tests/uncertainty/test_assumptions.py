@@ -20,7 +20,7 @@ from granpinn.identification import start
 from granpinn.identification.batch import identify_many
 from granpinn.identification.single import identify
 from granpinn.results.records import Assumed
-from granpinn.training.parallel import processes
+from granpinn.training.device import choose_device
 from granpinn.uncertainty import sensitivity
 from granpinn.uncertainty.error_bars import judge
 from granpinn.uncertainty.error_model import Known
@@ -29,7 +29,7 @@ from tests.examples import make_result
 from tests.flows import make_flow
 from tests.runs import make_trainer, tiny
 
-LINE = Assumed("surface line", "m", 0.01, {"mu_s": 2.0, "mu_2": -5.0}, "one grain higher")
+LINE = Assumed("surface line", "m", 0.01, "one grain higher", {"mu_s": 2.0, "mu_2": -5.0})
 
 
 def solver(**changes: Any) -> Flow:
@@ -68,7 +68,7 @@ def test_the_derivative_is_the_difference_of_two_trainings(monkeypatch: pytest.M
     monkeypatch.setattr(sensitivity, "continued", continued)
 
     def assumption(name: str) -> Assumption:
-        return Assumption(name, "m", 0.02, lambda: (member, member), "5 mm higher", 0.005)
+        return Assumption(Assumed(name, "m", 0.02, "5 mm higher"), lambda: (member, member), 0.005)
 
     (found,) = effects(trainer, {0: [assumption("line"), assumption("wall")]}).values()
     assert [e for e, _ in seen[0][0]] == [0, 0, 0, 0]
@@ -97,7 +97,7 @@ def test_the_surface_line_moves_by_its_standard_deviation() -> None:
     lower, upper = found.pair()
     moved = upper.data.surface_points - lower.data.surface_points
     distance = moved.norm(dim=1) * case.scales.length
-    np.testing.assert_allclose(distance, 2 * found.sd, rtol=1e-4)
+    np.testing.assert_allclose(distance, 2 * found.record.sd, rtol=1e-4)
     own = case.member.data.surface_points
     middle = (upper.data.surface_points + lower.data.surface_points) / 2
     torch.testing.assert_close(middle, own, rtol=0, atol=1e-6)
@@ -133,6 +133,6 @@ def test_a_time_limit_keeps_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert assumptions.share(cases) == 0.25
     assert assumptions.share(cases[1:]) == 0
     config = tiny(max_time=100.0, steps=None)
-    with_rest = start.start(cases[:1], config, None, None, 0.0, processes("cpu"))
+    with_rest = start.start(cases[:1], config, None, None, 0.0, choose_device("cpu"))
     assert with_rest.limit is not None
     assert with_rest.limit.later == pytest.approx(20.0)

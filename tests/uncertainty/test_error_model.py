@@ -132,7 +132,7 @@ def test_real_grains_depart_by_a_level_and_a_tilt() -> None:
 
 def test_error_bars_are_the_sum_of_their_parts() -> None:
     three = Members((0, 1, 2), {"mu_s": (0.39, 0.40, 0.42), "mu_2": (0.64, 0.66, 0.60)})
-    line = Assumed("surface line", "m", 0.01, {"mu_s": 2.0, "mu_2": -5.0}, "one grain higher")
+    line = Assumed("surface line", "m", 0.01, "one grain higher", {"mu_s": 2.0, "mu_2": -5.0})
     known = USUAL._replace(real=True)
     found = error_bars.estimate(three, known, MODEL, (line,))
     parts = continued(MODEL.method(known) + MODEL.grains(known), known)

@@ -123,7 +123,7 @@ def test_another_friction_is_found_and_needs_care() -> None:
 
 def test_an_assumption_of_one_flow_moves_the_law_of_all() -> None:
     surface = Assumed(
-        "surface line", "1", 0.1, {"mu_s": 0.02, "mu_2": 0.05}, "higher", {"mu_s": 1, "mu_2": 2}
+        "surface line", "1", 0.1, "higher", {"mu_s": 0.02, "mu_2": 0.05}, {"mu_s": 1, "mu_2": 2}
     )
     flows = [single(I_range=own) for own in RANGES]
     plain = one_law(flows)
@@ -175,7 +175,7 @@ def test_I0_is_free_where_the_flows_determine_it(
         values["I0"] = dataclasses.replace(values["I0"], value=I0)
         noisy = Residuals(dict(made.residuals or {}) | {"noise": noise})
         surface = Assumed(
-            "line", "1", 0.1, {"mu_s": 0.0, "mu_2": 0.1}, "up", {"mu_s": 0.0, "mu_2": 1.0}
+            "line", "1", 0.1, "up", {"mu_s": 0.0, "mu_2": 0.1}, {"mu_s": 0.0, "mu_2": 1.0}
         )
         changed = {"parameters": Parameters(values), "residuals": noisy, "assumptions": (surface,)}
         results.append(dataclasses.replace(made, **changed))

@@ -35,7 +35,7 @@ from granpinn.fit import ensemble
 from granpinn.fit.case import Case, members, pose
 from granpinn.fit.ensemble import model_of
 from granpinn.identification.start import start
-from granpinn.training import parallel
+from granpinn.training.device import choose_device
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Lines
 
@@ -94,7 +94,7 @@ def identified(
         None,
         Lines(),
         time.monotonic(),
-        parallel.processes(config.device),
+        choose_device(config.device),
         [None] * len(every),
     )
     with processes(spare=1) if len(tasks) > FEW else nullcontext() as others:

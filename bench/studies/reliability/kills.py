@@ -12,13 +12,10 @@ the first checkpoint, where libraries are loaded and folders are made.
 from __future__ import annotations
 
 import argparse
-import os
-import signal
 import tempfile
 import time
 from pathlib import Path
 from random import Random
-from subprocess import Popen
 
 from bench.studies.reliability import runs
 from bench.studies.reliability.record import RESULTS, Record, recorded
@@ -31,15 +28,10 @@ MOST_FAILURES = 10  # that a mode goes on after
 EARLY = 0.2  # share of the kills before the first checkpoint of a process
 FLAGS = ["--network.widths", "16,16", "--batch.interior", "64", "--batch.surface", "16"]
 FLAGS += ["--log-every", "20", "--checkpoint-every", str(INTERVAL)]
-FLAGS += ["--simulated_pressure.frames", "4"]
 
 
-# Flags and number of processes of every kind of run.
-MODES = {
-    "single": (("--steps", "4000"), 1),
-    "members": (("--steps", "1500", "--members", "3"), 1),
-    "torchrun": (("--steps", "2500"), 2),
-}
+# Flags of every kind of run.
+MODES = {"single": ("--steps", "4000"), "members": ("--steps", "1500", "--members", "3")}
 
 
 def main() -> int:
@@ -61,14 +53,14 @@ def main() -> int:
 
 def kill(name: str, count: int, seed: int, device: str, flow: Path, record: Record) -> None:
     """`count` kills of runs of one mode."""
-    (words, processes), place = MODES[name], flow.parent / name
-    flags, whole = [*words, *FLAGS, "--device", device], place / "whole"
-    before, after = undisturbed(runs.command(flow, whole, flags, processes), whole)
+    place = flow.parent / name
+    flags, whole = [*MODES[name], *FLAGS, "--device", device], place / "whole"
+    before, after = undisturbed(runs.command(flow, whole, flags), whole)
     draw = Random(f"{seed} {name}")
     kills, chains = 0, 0
     while kills < count or chains == 0:
         out, newest = place / str(chains), 0
-        argv = runs.command(flow, out, flags, processes)
+        argv = runs.command(flow, out, flags)
         while True:
             process = runs.start(argv)
             early = draw.random() < EARLY
@@ -78,7 +70,8 @@ def kill(name: str, count: int, seed: int, device: str, flow: Path, record: Reco
                 _, err = process.communicate()
                 ended = f"exit {process.returncode}: {err[-300:]}"
                 break
-            end(process, processes > 1 and draw.random() < 0.5, draw)
+            runs.end(process)
+            process.communicate()
             kills += 1
             reason, newest = survived(out, newest)
             outcome = "checkpoint whole" if newest else "no checkpoint yet"
@@ -106,15 +99,6 @@ def undisturbed(argv: list[str], out: Path) -> tuple[float, float]:
     if process.returncode:
         raise SystemExit(f"the run without kills failed: {err.splitlines()[-1:]}")
     return first - begin, time.monotonic() - first
-
-
-def end(process: Popen[str], worker: bool, draw: Random) -> None:
-    """Kill a run, or one of its workers, whereupon torchrun ends the other."""
-    if worker and (workers := runs.children(process.pid)):
-        os.kill(draw.choice(workers), signal.SIGKILL)
-        runs.wait_until(process, 60)
-    runs.end(process)
-    process.communicate()
 
 
 def survived(out: Path, before: int) -> tuple[str, int]:

@@ -25,7 +25,6 @@ from granpinn.training import checkpoint
 
 # Values of results.json that depend on the clock or on how the command was called.
 VOLATILE = ("timing", "settings", "versions", "device")
-LAUNCHER = ("torch.distributed.run", "--standalone", "--nproc-per-node", "2", "-m")
 
 
 def make_flow(path: Path) -> Path:
@@ -35,10 +34,10 @@ def make_flow(path: Path) -> Path:
     return path
 
 
-def command(flow: Path, out: Path, flags: list[str], processes: int = 1) -> list[str]:
+def command(flow: Path, out: Path, flags: list[str]) -> list[str]:
     """The command line of a training that begins, or goes on where there is a checkpoint."""
-    module = ("granpinn.train",) if processes == 1 else (*LAUNCHER, "granpinn.train")
-    return [sys.executable, "-m", *module, str(flow), "--out", str(out), "--resume", *flags]
+    train = [sys.executable, "-m", "granpinn.train"]
+    return [*train, str(flow), "--out", str(out), "--resume", *flags]
 
 
 def start(argv: list[str]) -> subprocess.Popen[str]:
@@ -63,7 +62,7 @@ def children(pid: int) -> list[int]:
 
 
 def end(process: subprocess.Popen[str]) -> None:
-    """Kill a process and those that it started: torchrun gives each of its own a session."""
+    """Kill a process and those that it started."""
     for pid in (*children(process.pid), process.pid):
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
