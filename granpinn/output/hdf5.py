@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import os
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, BinaryIO
@@ -20,18 +19,12 @@ from granpinn.output.writing import replacing
 
 
 @contextmanager
-def hdf5_file(path: str | os.PathLike[str], extend: bool = False) -> Iterator[h5py.File]:
-    """Yield a HDF5 file that replaces `path` once it is complete; OutputError if it cannot.
-
-    Args:
-        extend: whether it begins as a copy of `path`; else it is new.
-    """
+def hdf5_file(path: str | os.PathLike[str]) -> Iterator[h5py.File]:
+    """Yield a HDF5 file that replaces `path` once it is complete; OutputError if it cannot."""
     with replacing(path) as temporary:
-        if extend:
-            shutil.copyfile(path, temporary)
         with temporary.open("r+b", buffering=0) as raw:
             stream = _Stream(raw)
-            with h5py.File(stream, "r+" if extend else "w") as file:
+            with h5py.File(stream, "w") as file:
                 yield file
         if stream.failed is not None:
             raise stream.failed
