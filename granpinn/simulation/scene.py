@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
@@ -20,7 +19,6 @@ from granpinn.config import ConfigError, SideWalls, setting
 from granpinn.config.fields import settings_of
 from granpinn.config.values import typed
 from granpinn.physics.law_values import CompleteLaw
-from granpinn.physics.laws import FrictionLaw
 
 # The paper's column: 10 high and 1 wide under g = 1, with eta_max = 1e4 and air of 1e-4.
 PAPER_HEIGHT = 10.0
@@ -245,20 +243,3 @@ def chunk_of(cells: int) -> int:
     while cells % (2 * chunk) == 0 and 2 * chunk <= cells // 32:
         chunk *= 2
     return chunk
-
-
-def law_settings(
-    law: FrictionLaw, theta: Sequence[float], cohesion: float | None = None
-) -> dict[str, Any]:
-    """Keyword arguments of a `Scene` for this friction law with the parameters theta [N].
-
-    Args:
-        cohesion: of the material, for laws that do not have their own.
-
-    Raises:
-        ConfigError: the simulator does not have the law.
-    """
-    if not law.compiled:
-        raise ConfigError(f"the simulator does not have the friction law {law.name}")
-    settings = {"law": law.name, **dict(zip(law.names, theta, strict=True))}
-    return settings | ({"cohesion": cohesion} if cohesion and not law.cohesion else {})
