@@ -129,8 +129,9 @@ def _described(fields: VectorFields) -> str:
     )
     frames = np.unique(fields.t).size
     shape = f"{n} scattered" if fields.scattered else f"{fields.y.size} x {fields.x.size}"
-    files = fields.facts.get("files", "0")
-    origin = f"{fields.facts.get('format', 'arrays')}, {files} file{'s' * (files != '1')}"
+    origin = fields.facts.get("format", "arrays")
+    if files := fields.facts.get("files"):
+        origin += f", {files} file{'s' * (files != '1')}"
     units = fields.velocity_unit or "of unknown unit"
     return f"{origin}: {frames} frames, {shape} vectors {units}: {shares}"
 
