@@ -35,8 +35,8 @@ SURE = 3.0  # standard deviations
 FEWEST_COLUMNS = 8  # fewer ones have too few waves to tell noise
 LEAST_FILLED = 0.5  # of the columns of a row; gaps get the mean of the row
 
-LAYER, STEADY = "the same along x: no derivative along x", "steady: no time derivative"
-WORDS = {0: LAYER, 2: STEADY}
+UNIFORM, STEADY = "the same along x: no derivative along x", "steady: no time derivative"
+WORDS = {0: UNIFORM, 2: STEADY}
 
 
 def invariant_axes(flow: Flow) -> tuple[bool, bool, bool]:

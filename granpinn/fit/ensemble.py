@@ -77,7 +77,7 @@ def known_by(case: Case, residuals: Residuals, steps: int, x: Pair, mu: Pair) ->
         vectors=case.facts.independent(),
         steps=steps,
         outline=case.config.level == "V0",
-        layer=case.facts.invariant[0],
+        uniform=case.facts.invariant[0],
         real=not case.flow.of_solver,
     )
 

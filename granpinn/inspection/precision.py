@@ -138,7 +138,7 @@ def expected(inspection: Inspection, noise: float = 1.0) -> dict[str, float]:
     known = Known(x, (mu_s, mu_2), misfit=misfit, noise=misfit, vectors=vectors)
     flow, model = inspection.flow, error_model.load()
     known = known._replace(
-        outline=flow.surface is None, layer=facts.invariant[0], real=not flow.of_solver
+        outline=flow.surface is None, uniform=facts.invariant[0], real=not flow.of_solver
     )
     if law.law == mu_of_i.LAW.name:
         found, lost = error_bars.sd_of([known], model), inspection["inertial_number"].lost

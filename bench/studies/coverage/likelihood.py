@@ -18,10 +18,10 @@ from granpinn.uncertainty.error_model import (
     COEFFICIENTS,
     FEATURES,
     feature,
-    layer,
     line,
     outline,
     quantities,
+    uniform,
 )
 
 Array = npt.NDArray[np.float64]
@@ -78,7 +78,7 @@ def _features(row: Row, end: int) -> list[float]:
     return [
         1.0,
         outline(known),
-        layer(known),
+        uniform(known),
         *(feature(name, values[name], end) for name in FEATURES),
     ]
 
