@@ -22,6 +22,7 @@ from granpinn.results.attempt import NotDone, attempt
 from granpinn.results.result import in_words
 from granpinn.terminal import say
 from granpinn.training import progress
+from granpinn.training.device import wake
 
 REPORT = "report"
 FIGURES = 4.5  # seconds that the figures and the page take
@@ -60,9 +61,10 @@ def _identified(config: Config, verbose: bool, begin: float) -> Result:
     listener = progress.automatic()
     # matplotlib takes a second to load; the training leaves the interpreter idle
     Thread(target=import_module, args=("granpinn.report.page",)).start()
+    Thread(target=wake, args=(config.device,)).start()
     with ExitStack() as at_end:
         at_end.callback(listener.stop)
-        result: Result = identify(
+        result = identify(
             flows if len(flows) > 1 else config.flow,
             config,
             one_law=len(flows) > 1,
@@ -70,20 +72,21 @@ def _identified(config: Config, verbose: bool, begin: float) -> Result:
             progress=listener,
             reserve=time.monotonic() - begin + FIGURES,
         )
+        listener.stop()
+        if verbose:
+            print(result.summary())
+        print(result, flush=True)
+        for check in [] if verbose else wanted(config):
+            if check.asked(config) and check.name in result.checks:
+                print(result.checks[check.name], flush=True)
         listener.stage("figures")
         for k in range(len(result.flows)):
             attempt(partial(report.build, folder / f"{k:03d}"))
-        page = attempt(lambda: report.build(folder))
+        page = attempt(result.report)
     if isinstance(page, NotDone):
-        result = result.without(REPORT, page.why)
-        results.write_results(result, folder / "results.json")
-    if verbose:
-        print(result.summary())
-    print(result)
-    for check in [] if verbose else wanted(config):
-        if check.asked(config) and check.name in result.checks:
-            print(result.checks[check.name])
-    if not isinstance(page, NotDone):
+        results.write_results(result.without(REPORT, page.why), folder / "results.json")
+        print(f"report: not done: {page.why}")
+    else:
         print(f"report: {page}")
     require_kept(folder)
     return result

@@ -146,6 +146,9 @@ def _demonstration(values: Mapping[str, Any]) -> dict[str, Any]:
 def run(argv: Sequence[str]) -> int:
     begin = time.monotonic()
     config, verbose = parse(argv)
+    from granpinn import foreign
+
+    foreign.start()  # it opens the flow file; its imports run beside those of torch
     from granpinn.command import training_run
 
     exit_codes.keep_what_is_loaded()

@@ -11,6 +11,7 @@ import socket
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +98,13 @@ _running: list[_Process] = []
 def _close() -> None:
     while _running:
         _running.pop().close()
+
+
+def start() -> None:
+    """Start the process, whose imports take half a second: the first request finds it ready."""
+    with _lock, suppress(OSError):  # a request tries again, and says why it failed
+        if not _running:
+            _running.append(_Process())
 
 
 def installed(library: str) -> bool:

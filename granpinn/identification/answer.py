@@ -116,14 +116,11 @@ def with_curve(context: Context, shown: Callable[[Result], None] | None) -> None
 def kept(context: Context) -> Identification:
     """The result with its network, fields and history: those of its folder, else in memory."""
     case, model = context.case, context.model
+    known: dict[str, Any] = {} if context.fields is None else {"grid": context.fields}
     if context.folder is not None:
-        return Identification.of(context.result, context.folder)
-    known: dict[str, Any] = {
-        "network": TrainedNetwork.of(model, case.flow),
-        "history": context.run.histories[context.place].columns,
-    }
-    if context.fields is not None:
-        known["grid"] = context.fields
+        return Identification.of(context.result, context.folder, **known)
+    known["network"] = TrainedNetwork.of(model, case.flow)
+    known["history"] = context.run.histories[context.place].columns
     predict = partial(prediction.predict, case.flow, model)
     return Identification.of(context.result, predict=predict, **known)
 

@@ -157,7 +157,7 @@ class Identification(Result):
             return report.build(self.save(folder))
         if self._folder is None:
             raise BadInput("this result is in memory: name a folder for the report, report('run')")
-        return report.build(self._folder)
+        return report.build(self._folder, fields=vars(self).get("grid"))
 
     @property
     def plot(self) -> Plots:

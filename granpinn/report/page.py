@@ -43,19 +43,20 @@ OWN_PLACE = ("flow", "further_flows", "out")
 
 
 @checked
-def build(run_dir: str | Path, time: float | None = None) -> Path:
+def build(run_dir: str | Path, time: float | None = None, fields: Fields | None = None) -> Path:
     """Draw the figures of a run and write its page; the path of report.html.
 
     Args:
         run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
         time: of the maps, in the unit of the flow file; by default 0.7 of the last.
+        fields: those of fields.h5, where they are in memory.
 
     Raises:
         ResultsFileError: there is no valid results.json.
     """
     folder = Path(run_dir)
     figures = folder / "figures"
-    source, problems = read(folder, time)
+    source, problems = read(folder, time, fields)
     pictures, missing = album.draw_all(source, figures)
     write_csv(source.result, folder / "results.csv")
     page = folder / "report.html"
@@ -63,7 +64,9 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
     return page
 
 
-def read(folder: Path, time: float | None = None) -> tuple[album.Source, list[str]]:
+def read(
+    folder: Path, time: float | None = None, fields: Fields | None = None
+) -> tuple[album.Source, list[str]]:
     """The contents of a run folder, and what of it could not be read.
 
     Raises:
@@ -73,10 +76,9 @@ def read(folder: Path, time: float | None = None) -> tuple[album.Source, list[st
     if result.flows:  # the folder of each has its fields and its history
         return album.Source(result, None, None, 0), []
     problems = []
-    fields: Fields | None = None
     history: album.History | None = None
     try:
-        fields = read_fields(folder / "fields.h5")
+        fields = fields or read_fields(folder / "fields.h5")
     except FieldsFileError as error:
         problems.append(str(error))
     try:

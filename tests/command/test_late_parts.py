@@ -200,6 +200,25 @@ def test_a_figure_fails_alone(
     assert (tmp_path / "run" / "figures" / "evolution.png").exists()
 
 
+def test_the_answer_comes_before_the_figures_which_may_fail(
+    flow_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    printed = []
+
+    def fails(*args: object, **kwargs: object) -> Path:
+        printed.append(capsys.readouterr().out)
+        raise ValueError("no font")
+
+    monkeypatch.setattr(training_run.report, "build", fails)
+    assert run(flow_file, "--out", tmp_path / "run") == 0
+    assert printed[0].startswith("mu_s")
+    assert capsys.readouterr().out == "report: not done: ValueError: no font\n"
+    assert missing(read(tmp_path / "run"))["report"] == "ValueError: no font"
+
+
 def test_a_page_names_what_was_not_done(
     flow_file: Path, tmp_path: Path, figures: Callable[..., None]
 ) -> None:
