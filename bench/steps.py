@@ -23,7 +23,7 @@ from granpinn.reference.loss import loss_terms
 
 HIDDEN = [250, 250, 250]
 D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR = [0.02, 0.0, -1.0, 0.0, 1e4, 1.0, 1.0, 1e-4]
-PHYSICS = [D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR, math.inf, 0.0, 1.0]
+PHYSICS = [D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR, math.inf, 0.0, 1.0, 1.0]
 THETA = (0.4, 0.64, 0.3)
 
 

@@ -80,10 +80,11 @@ void velocity_misfit(const LossArguments<T>& a, const T* raw, const T (&w)[kTile
   for (int k = 0; k < 2; ++k) {
     alignas(64) T target[kTile];
     load_column(a.velocity + 2 * at + k, 2, count, target);
-    const T factor = a.term_weights[kVelocity] / static_cast<T>(a.n) * a.physics.velocity_scale;
+    const T scale = a.physics.scale_of(k);
+    const T factor = a.term_weights[kVelocity] / static_cast<T>(a.n) * scale;
     for (int p = 0; p < kTile; p += kLanes<T>) {
       const V weight = V::load(w + p);
-      const V e = V(a.physics.velocity_scale) * V::load(raw + k * kTile + p) - V::load(target + p);
+      const V e = V(scale) * V::load(raw + k * kTile + p) - V::load(target + p);
       *square += weighted_square<T>(weight, e);
       (V::load(g + k * kTile + p) + V(factor) * weight * e).store(g + k * kTile + p);
     }

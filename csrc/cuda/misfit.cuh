@@ -22,7 +22,7 @@ __device__ double weighted_square(T weight, T e) {
 template <class T>
 __device__ T velocity_misfit(const DeviceLoss<T>& a, std::int64_t e, std::int64_t i, int k, T raw,
                              double* square) {
-  const T scale = physics_from<T>(a.physics.member(e)).velocity_scale;
+  const T scale = physics_from<T>(a.physics.member(e)).scale_of(k);
   const T factor = a.term_weights.member(e)[kVelocity] / static_cast<T>(a.n) * scale;
   const T weight = a.point_weights.member(e)[2 * i];
   const T misfit = scale * raw - a.velocity.member(e)[2 * i + k];

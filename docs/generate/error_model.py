@@ -10,7 +10,6 @@ from granpinn.uncertainty import error_model
 MEANINGS = {
     "constant": "logarithm of s of a clean flow that reaches I = I0/3",
     "outline": "no line of the free surface (level V0), as far as noise does not prevail",
-    "uniform": "noise as below, beside it, in a flow that is the same along x",
     "noise": "noise of the vectors: noise over the rms velocity, times sqrt(1,000 / independent "
     "vectors), over mu",
     "misfit": "misfit of the velocity beyond its noise, over the rms velocity",

@@ -77,7 +77,6 @@ def known_by(case: Case, residuals: Residuals, steps: int, x: Pair, mu: Pair) ->
         vectors=case.facts.independent(),
         steps=steps,
         outline=case.config.level == "V0",
-        uniform=case.facts.invariant[0],
         real=not case.flow.of_solver,
     )
 

@@ -113,7 +113,8 @@ def velocity_at_particles(flow: Flow, model: Model) -> Float64 | None:
         ops.network_value(part.to(params), params, *network)[:, :2].cpu()
         for part in torch.split(turned_points, CHUNK)
     ]
-    turned = model.physics.velocity_scale * torch.cat(parts).double().numpy().T
+    scales = np.array(model.physics.velocity_scales)[:, None]
+    turned = scales * torch.cat(parts).double().numpy().T
     predicted = np.stack(axes.undo(turned[0], turned[1]))
     return np.asarray(model.scales.to_physical(predicted, "velocity"))
 
@@ -147,12 +148,12 @@ def evaluate(
 
     All in the axes of the training.
     """
-    U, P = physics.velocity_scale, physics.pressure_scale
+    (U, V), P = physics.velocity_scales, physics.pressure_scale
     network = (list(spec.widths), list(spec.input_shift), list(spec.input_scale))
     z, z_x, z_y, _ = ops.network_jet(points, params, *network, 1)
-    u, v = U * z[:, 0], U * z[:, 1]
-    D_xx, D_yy = U * z_x[:, 0], U * z_y[:, 1]
-    D_xy = U * (z_y[:, 0] + z_x[:, 1]) / 2
+    u, v = U * z[:, 0], V * z[:, 1]
+    D_xx, D_yy = U * z_x[:, 0], V * z_y[:, 1]
+    D_xy = (U * z_y[:, 0] + V * z_x[:, 1]) / 2
     p = P * (torch.nn.functional.softplus(z[:, 2]) if spec.form == "mixed" else z[:, 2])
     D_squared = D_xx**2 + 2 * D_xy**2 + D_yy**2
     gamma_dot = torch.sqrt(2 * D_squared + SMOOTHING)

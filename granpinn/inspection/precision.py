@@ -137,9 +137,7 @@ def expected(inspection: Inspection, noise: float = 1.0) -> dict[str, float]:
     vectors = float(numbers.vectors[numbers.flows].sum()) / facts.noise.vectors_per_independent
     known = Known(x, (mu_s, mu_2), misfit=misfit, noise=misfit, vectors=vectors)
     flow, model = inspection.flow, error_model.load()
-    known = known._replace(
-        outline=flow.surface is None, uniform=facts.invariant[0], real=not flow.of_solver
-    )
+    known = known._replace(outline=flow.surface is None, real=not flow.of_solver)
     if law.law == mu_of_i.LAW.name:
         found, lost = error_bars.sd_of([known], model), inspection["inertial_number"].lost
         return {n: sd / known.parameters[n] for n, sd in found.items() if n not in lost}

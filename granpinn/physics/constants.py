@@ -18,6 +18,7 @@ class Physics(NamedTuple):
         law_rate: shear rate above which the residual of the friction law is relative (mixed form).
         side_wall: k = 2 mu_w / W of the friction of side walls, a force -k p v / |v|; 0: none.
         side_wall_speed: s of its speed |v| = sqrt(u^2 + v^2 + s^2), which is smooth at rest.
+        v_factor: factor on the scale of v: 0 of a flow in which v = 0 everywhere, else 1.
     """
 
     grain_diameter: float
@@ -31,3 +32,9 @@ class Physics(NamedTuple):
     law_rate: float = math.inf
     side_wall: float = 0.0
     side_wall_speed: float = 1.0
+    v_factor: float = 1.0
+
+    @property
+    def velocity_scales(self) -> tuple[float, float]:
+        """The scales of the raw outputs u and v."""
+        return self.velocity_scale, self.velocity_scale * self.v_factor

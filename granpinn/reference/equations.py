@@ -94,7 +94,8 @@ def _strong_form(
     the stress 2 eta D itself, with eta in it. A network of the mixed form has a strong residual
     too: that of its first three fields.
     """
-    u, v = physics.velocity_scale * z[:, 0], physics.velocity_scale * z[:, 1]
+    u = physics.velocity_scale * z[:, 0]
+    v = physics.velocity_scale * physics.v_factor * z[:, 1]
     p = pressure(z, physics.pressure_scale)
     u_x, u_y, u_t = gradient(u, points).unbind(1)
     v_x, v_y, v_t = gradient(v, points).unbind(1)
@@ -126,7 +127,8 @@ def _mixed_form(
     and of the friction law as `constitutive` writes it, times $(1 + (\dot\gamma/c)^2)^{-1/2}$ with
     the rate c = `law_rate`.
     """
-    u, v = physics.velocity_scale * z[:, 0], physics.velocity_scale * z[:, 1]
+    u = physics.velocity_scale * z[:, 0]
+    v = physics.velocity_scale * physics.v_factor * z[:, 1]
     p = pressure(z, physics.pressure_scale)
     s_1, s_2 = z[:, 3], z[:, 4]
     u_x, u_y, u_t = gradient(u, points).unbind(1)

@@ -45,7 +45,8 @@ def loss_terms(
     points, velocity, point_weights, surface_points, surface_pressure, source = batch
     w_v, w_f = point_weights.unbind(1)
 
-    misfit = constants.velocity_scale * raw(points)[:, :2] - velocity
+    scale = constants.velocity_scale * velocity.new_tensor([1.0, constants.v_factor])
+    misfit = scale * raw(points)[:, :2] - velocity
     misfit_surface = pressure(raw(surface_points), constants.pressure_scale) - surface_pressure
     names = RESIDUALS[spec.form] if equations else ()
     at = (points, theta, physics, spec.form, law, source)

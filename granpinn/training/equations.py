@@ -61,7 +61,8 @@ def residuals(
         source: force per mass beside gravity [N, 2]; None: none.
         kept: of an earlier evaluation; None: that of z and theta.
     """
-    (u, v), (s_1, s_2) = (physics.velocity_scale * z[:, :, :2]).unbind(2), z[:, :, 3:].unbind(2)
+    (u, v), (s_1, s_2) = z[:, :, :2].unbind(2), z[:, :, 3:].unbind(2)
+    u, v = (scale * a for scale, a in zip(physics.velocity_scales, (u, v), strict=True))
     q, P = z[:, :, 2], physics.pressure_scale
     p, slope = P * torch.nn.functional.softplus(q[0]), P * torch.sigmoid(q[0])
     p_x, p_y = slope * q[1], slope * q[2]

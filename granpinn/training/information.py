@@ -106,5 +106,5 @@ def _add_vectors(sums: Sums, at: Unknowns, X: Tensor, add: Callable[..., None]) 
     for rows, h, e, weight in sums.vectors(at):
         root = weight.sqrt()
         for k in (0, 1):
-            moved = root * (h @ X[k * F : (k + 1) * F])
+            moved = root * sums.factors[k] * (h @ X[k * F : (k + 1) * F])
             add(points[rows], root[:, 0] * e[:, k] + moved[:, 0], moved[:, 1:])

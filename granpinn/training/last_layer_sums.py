@@ -147,6 +147,7 @@ class Sums:
     Attributes:
         free: numbers of the free parameters of the law [L].
         velocity_weight: of the mean square of U z - velocity over U^2, U the scale of the velocity.
+        factors: on the outputs u and v [2, 1].
     """
 
     def __init__(self, features: Features, problem: Problem, law: FrictionLaw, data: Data) -> None:
@@ -162,6 +163,7 @@ class Sums:
         self._weights = (data.weights[:, None] * of_residuals / N).sqrt()
         self._weights[:, 3:] *= (data.points[:, 1:2] >= data.floor + length).double()
         self.velocity_weight = weights["velocity"] * self.physics.velocity_scale**2
+        self.factors = like.new_tensor([[1.0], [self.physics.v_factor]])
         self._surface = (weights["surface"] / M) ** 0.5
         self._kept: Tensor | None = None  # of the law, from the first evaluation
         self.differences = curve_prior.differences(law, like)
@@ -181,7 +183,7 @@ class Sums:
         rest, measured = blocks.number(every).tensor_split([len(every) - len(points)])
         found = at.C.new_zeros(blocks.total, 5 * F + len(self.free))
         for rows, h, e, w in self.vectors(at):
-            by_C = ((w * e)[:, :, None] * h[:, None]).flatten(1)
+            by_C = (self.factors * (w * e)[:, :, None] * h[:, None]).flatten(1)
             found[:, : 2 * F].index_add_(0, measured[rows], by_C)
         return curve_prior.block_scores(self.jacobians(at), found, rest)
 
@@ -191,7 +193,7 @@ class Sums:
         points, velocity, weights = self.data.measured
         for rows in chunks(points):
             h = self.features.of_vectors(points[rows])
-            e = h @ at.C[:2].T - velocity[rows] / self.physics.velocity_scale
+            e = h @ (self.factors * at.C[:2]).T - velocity[rows] / self.physics.velocity_scale
             yield rows, h, e, self.velocity_weight / len(points) * weights[rows, None]
 
     def normal_equations(self, at: Unknowns) -> tuple[Tensor, Tensor]:
@@ -201,7 +203,7 @@ class Sums:
         _, slope, h_h = self.misfit(at)
         for k in (0, 1):
             own = slice(k * F, (k + 1) * F)
-            A[own, own] += self.velocity_weight * h_h
+            A[own, own] += self.factors[k] ** 2 * self.velocity_weight * h_h
             b[own] += slope[k]
         for J, r, i, _ in self.jacobians(at):
             A[i[:, None], i] += gram(J)
@@ -247,9 +249,10 @@ class Sums:
     def misfit(self, at: Unknowns) -> tuple[float, Tensor, Tensor]:
         """Twice the velocity part of the loss, its gradient [2, F], and the mean of h h^T."""
         h_h, v_h, v_v = self.data.moments
-        U, C = self.physics.velocity_scale, at.C[:2]
+        U, C = self.physics.velocity_scale, self.factors * at.C[:2]
         square = ((C @ h_h) * C).sum() - 2 * (C * v_h).sum() / U + v_v.sum() / U**2
-        return self.velocity_weight * float(square), self.velocity_weight * (C @ h_h - v_h / U), h_h
+        slope = self.velocity_weight * self.factors * (C @ h_h - v_h / U)
+        return self.velocity_weight * float(square), slope, h_h
 
     def _rows(self, at: Unknowns) -> Iterator[Rows]:
         first, every = 0, []

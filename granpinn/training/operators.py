@@ -106,7 +106,7 @@ def residual_loss(
     with torch.enable_grad():
         leaves = params.detach().requires_grad_(), theta.detach().requires_grad_()
         jet = ops.network_jet(points, leaves[0], *network, int(equations))
-        misfit = constants.velocity_scale * jet[0, :, :2] - velocity
+        misfit = jet.new_tensor(constants.velocity_scales) * jet[0, :, :2] - velocity
         at_surface = ops.network_value(surface_points, leaves[0], *network)[:, 2]
         p = constants.pressure_scale * torch.nn.functional.softplus(at_surface)
         terms = dict.fromkeys(NAMES, misfit.new_zeros(()))

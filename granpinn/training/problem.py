@@ -162,6 +162,7 @@ def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
         law_rate=law_rate(sigmas, config.weights.law_error),
         side_wall=side_wall_of(flow, scales, config.side_walls.friction),
         side_wall_speed=AT_REST * facts.speed if between_walls else 1.0,
+        v_factor=0.0 if facts.invariant[0] else 1.0,
     )
     widths = (3, *config.network.widths, OUTPUTS[config.form])
     spec = NetworkSpec(widths, tuple(shift), tuple(scale), config.form)

@@ -16,11 +16,9 @@ one correlation, and stated degrees of freedom. The features f_j are logarithms 
 - reach: the largest x;
 - contrast: mu at the upper end over mu at the lower end.
 
-The first three count where they exceed a knee k, as f = log hypot(1, value/k). Two more features
-are 0 in most flows. The outline is 1/hypot(1, noise/k) without a line of the free surface (level
-V0): where noise prevails, it matters little where the surface is. A flow that is uniform, the same
-along the x of the file, counts the noise again, with a smaller knee: mu(I) shows in its
-acceleration alone.
+The first three count where they exceed a knee k, as f = log hypot(1, value/k). One more feature is
+0 in most flows: the outline is 1/hypot(1, noise/k) without a line of the free surface (level V0).
+Where noise prevails, it matters little where the surface is.
 
 Real grains depart from mu(I) by a level and a tilt over the range of I, with a standard deviation
 each. They count where no solver made the data. All else follows from both ends as from two points
@@ -64,13 +62,12 @@ WORDS = {
 }
 # Below it a quantity adds nothing to the errors, at the lower and the upper end.
 KNEES: dict[str, Pair] = {"noise": (0.03, 3e-4), "misfit": (0.02, 0.02), "law": (0.02, 0.02)}
-UNIFORM_KNEE = 0.01  # of the noise
 USUAL = {"steps": 1.0, "reach": 0.25, "contrast": 1.3}  # where the logarithm counts as 0
 STEPS = 15_000
 # The features, and the sign of their coefficients: with which change of them errors grow.
 FEATURES = {"noise": 1, "misfit": 1, "law": 1, "steps": 1, "reach": -1, "contrast": 1}
 BETTER = (*KNEES, "steps")  # where less than tested needs no test
-COEFFICIENTS = ("constant", "outline", "uniform", *FEATURES)
+COEFFICIENTS = ("constant", "outline", *FEATURES)
 NOISE_ERROR = 1.02  # mean square of noise in the data over the known one, at most
 NOISE_PART = 0.03  # velocity error of a fit, as a part of the noise
 LEAST_RANGE = 1e-6  # of x, where a flow has one I alone
@@ -90,7 +87,6 @@ class Known(NamedTuple):
         steps: of the training.
         I0: that was identified with mu_s and mu_2; None: it was given.
         outline: whether the outline of the grains is the free surface (level V0).
-        uniform: whether the flow is the same along x.
         real: whether no solver made the data.
     """
 
@@ -102,7 +98,6 @@ class Known(NamedTuple):
     vectors: float = 1.0
     steps: int = STEPS
     outline: bool = False
-    uniform: bool = False
     real: bool = False
     I0: float | None = None
 
@@ -161,7 +156,7 @@ class ErrorModel:
         require_names(self.upper, COEFFICIENTS, where="upper.")
         require_names(self.tested, tuple(WORDS), where="tested.")
         for b in (self.lower, self.upper):
-            for name, sign in {"outline": 1, "uniform": 1, **FEATURES}.items():
+            for name, sign in {"outline": 1, **FEATURES}.items():
                 if sign * b[name] < 0:
                     raise ValueError(f"{name} must not make errors smaller, got {b[name]}")
         if not (self.freedom > 2 and abs(self.correlation) < 1 and 0 <= self.common < 1):
@@ -182,7 +177,7 @@ class ErrorModel:
         values = quantities(known)
         total = []
         for end, b in enumerate((self.lower, self.upper)):
-            log_s = b["constant"] + b["outline"] * outline(known) + b["uniform"] * uniform(known)
+            log_s = b["constant"] + b["outline"] * outline(known)
             for name, sign in FEATURES.items():
                 least, most = self.tested[name]
                 within = min(max(values[name], least), most)
@@ -249,24 +244,14 @@ def quantities(known: Known) -> dict[str, float]:
 def feature(name: str, value: float, end: int) -> float:
     """The feature of a quantity at an end, 0: lower, 1: upper."""
     if name in KNEES:
-        return beyond(value, KNEES[name][end])
+        return math.log(math.hypot(1.0, value / KNEES[name][end]))
     return math.log(value / USUAL[name])
-
-
-def beyond(value: float, knee: float) -> float:
-    """0 far below the knee, the logarithm of value/knee far above it."""
-    return math.log(math.hypot(1.0, value / knee))
 
 
 def outline(known: Known) -> float:
     """The feature of a surface that is the outline of the grains."""
     knee, _ = KNEES["noise"]
     return known.outline / math.hypot(1.0, quantities(known)["noise"] / knee)
-
-
-def uniform(known: Known) -> float:
-    """The feature of a flow that is the same along x."""
-    return known.uniform * beyond(quantities(known)["noise"], UNIFORM_KNEE)
 
 
 def beyond_noise(misfit: float, noise: float) -> float:

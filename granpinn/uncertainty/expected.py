@@ -44,7 +44,6 @@ def expected_of(facts: Facts, level: str, of_solver: bool) -> Known | None:
         noise=noise,
         vectors=facts.independent(),
         outline=level == "V0",
-        uniform=facts.invariant[0],
     )
 
 

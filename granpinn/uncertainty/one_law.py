@@ -26,7 +26,6 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from granpinn.arrays import Float64
-from granpinn.data.symmetry import UNIFORM
 from granpinn.errors import CannotGoOn
 from granpinn.physics.laws import DEFAULT, FrictionLaw
 from granpinn.physics.rheology import by_parameters
@@ -89,7 +88,6 @@ def known_of(result: Result) -> Known:
         vectors=result.data.independent or 1.0,
         steps=result.timing.steps,
         outline=result.level == "V0",
-        uniform=UNIFORM in result.data.symmetries,
         real=bars is None or bars.grains is not None,
     )
 

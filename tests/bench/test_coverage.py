@@ -21,9 +21,9 @@ TRUE = dataclasses.replace(
     error_model.load(),
     freedom=likelihood.FREEDOM,
     lower={"constant": -7.0, "outline": 0.6, "noise": 0.5, "misfit": 0.4, "law": 0.5, "steps": 0.0}
-    | {"uniform": 0.5, "reach": -0.2, "contrast": 1.0},
+    | {"reach": -0.2, "contrast": 1.0},
     upper={"constant": -6.6, "outline": 0.8, "noise": 0.1, "misfit": 0.9, "law": 0.3, "steps": 0.5}
-    | {"uniform": 0.3, "reach": -0.8, "contrast": 2.0},
+    | {"reach": -0.8, "contrast": 2.0},
     correlation=-0.3,
     common=0.4,
     level=0.02,
@@ -45,7 +45,6 @@ def drawn(count: int, rng: np.random.Generator, real: bool = False) -> list[Row]
         known = Known(x, truth, misfit, float(np.exp(rng.uniform(*np.log((0.002, 0.06))))), noise)
         steps = int(rng.choice([2000, 6000, 15_000]))
         known = known._replace(vectors=20_000.0, steps=steps, outline=bool(k % 2), real=real)
-        known = known._replace(uniform=k % 4 == 3)
         C = TRUE.method(known) + TRUE.grains(known)
         e = rng.multivariate_normal([0, 0], C) / np.sqrt(rng.chisquare(TRUE.freedom) / TRUE.freedom)
         mu = np.linalg.solve(line(x), (line(x) @ truth) * np.exp(e)).tolist()

@@ -51,6 +51,8 @@ def test_every_column_of_a_chute_is_the_same(tmp_path: Path) -> None:
     for name in ("u", "v", "p", "tau_xy", "momentum_residual_x"):
         found = fields.frame(name, 0)
         np.testing.assert_array_equal(found, np.broadcast_to(found[:, :1], found.shape))
+    assert np.nanmax(np.abs(fields.frame("v", 0))) == 0
+    assert np.nanmax(np.abs(fields.frame("divergence", 0))) == 0
     assert result.error_percent.pressure is not None
 
 

@@ -201,7 +201,7 @@ def problem(row: Configuration, draw: int = 0) -> Problem:
         physics=_floats(
             [
                 *(0.02, *weights.uniform(-1, 0, 2), eta_min, eta_max, U, P, 1e-3 * P, 2 * U),
-                *(row.side_wall, 0.1 * U),
+                *(row.side_wall, 0.1 * U, 0.75),
             ]
         ),
         law=row.law,

@@ -25,9 +25,10 @@ x, y, t = sp.symbols("x y t", real=True)
 D, G_X, G_Y = sp.Rational(3, 64), sp.Rational(5, 16), sp.Rational(-7, 8)
 ETA_MIN, ETA_MAX = sp.Rational(1, 8), sp.Rational(1, 2)
 U, P, P_FLOOR = sp.Rational(7, 4), sp.Rational(3, 4), sp.Rational(1, 2)
+V_FACTOR = sp.Rational(2, 3)
 LAW_RATE = sp.Rational(5, 4)
 WALL, WALL_SPEED = sp.Rational(5, 8), sp.Rational(1, 4)
-CONSTANTS = (D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR, LAW_RATE, WALL, WALL_SPEED)
+CONSTANTS = (D, G_X, G_Y, ETA_MIN, ETA_MAX, U, P, P_FLOOR, LAW_RATE, WALL, WALL_SPEED, V_FACTOR)
 PHYSICS = [float(value) for value in CONSTANTS]
 SMOOTHING = 1e-12
 
@@ -170,7 +171,7 @@ def manufactured(name: str, form: str, law: str = "mu_of_i") -> Manufactured:
                 inertial_v - tau[1, 0].diff(x) - tau[1, 1].diff(y),
                 u_x + v_y,
             ]
-        raw = [u / U, v / U, p / P]
+        raw = [u / U, v / (U * V_FACTOR), p / P]
     else:
         D_1, D_2 = (u_x - v_y) / 2, (u_y + v_x) / 2
         gamma_dot = sp.sqrt(4 * (D_1**2 + D_2**2) + SMOOTHING)
@@ -186,7 +187,7 @@ def manufactured(name: str, form: str, law: str = "mu_of_i") -> Manufactured:
                     limit * (gamma_dot * p * s_1 / strength - 2 * D_1),
                     limit * (gamma_dot * p * s_2 / strength - 2 * D_2),
                 ]
-        raw = [u / U, v / U, sp.log(sp.exp(p / P) - 1), s_1, s_2]
+        raw = [u / U, v / (U * V_FACTOR), sp.log(sp.exp(p / P) - 1), s_1, s_2]
     return Manufactured(form, law, raw, p, gamma_dot, variants)
 
 

@@ -15,7 +15,7 @@ from granpinn.training.schedule import HEALTHY
 SIZES = [(50, 8), (20, 5)]  # points and surface points of two data sets
 MEMBERS = [(0, 7), (1, 2**40 + 5), (0, 9)]  # data set and seed
 STEP = 2**33 + 3
-PHYSICS = [0.02, 0.0, -1.0, 1e-3, 100.0, 1.0, 1.0, 1e-3, 2.0, 0.3, 0.1]
+PHYSICS = [0.02, 0.0, -1.0, 1e-3, 100.0, 1.0, 1.0, 1e-3, 2.0, 0.3, 0.1, 0.5]
 
 
 def batch_arguments(dtype: torch.dtype, device: torch.device | str = "cpu") -> list[Any]:

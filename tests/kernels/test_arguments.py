@@ -72,7 +72,7 @@ WRONG_VALUES: dict[str, Any] = {
 def test_wrong_side_walls_on_a_cpu(name: str, cpu_ops: ModuleType) -> None:
     walls, message = WRONG_VALUES[name]
     with pytest.raises(ValueError, match=f"(?s){message}"):
-        cpu_ops.residual_loss(*CASE._replace(physics=[*CASE.physics[:9], *walls]))
+        cpu_ops.residual_loss(*CASE._replace(physics=[*CASE.physics[:9], *walls, 1.0]))
 
 
 def residual_loss(ops: ModuleType, change: dict[str, Any]) -> Any:

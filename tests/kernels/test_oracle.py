@@ -89,22 +89,22 @@ def test_terms_by_hand() -> None:
     b = torch.tensor([0.3, -0.2, 0.0, 0.5, 0.1], dtype=torch.float64)
     params = torch.cat([torch.zeros(15, dtype=torch.float64), b])
     U, P, g_x, g_y = 2.0, 0.5, 0.6, -0.8
-    physics = [0.02, g_x, g_y, 0.0, 1e4, U, P, 1e-4, math.inf, 0.25, 0.3]
+    physics = [0.02, g_x, g_y, 0.0, 1e4, U, P, 1e-4, math.inf, 0.25, 0.3, 0.5]
     p = P * np.log(2)  # softplus(0)
     theta = torch.tensor([0.375, 0.6875, 0.28125], dtype=torch.float64)
     none = torch.zeros(2, 3, dtype=torch.float64)
     batch = LossPoints(
         points=none,
-        velocity=torch.tensor([[0.6, -0.4], [0.0, 0.0]], dtype=torch.float64),
+        velocity=torch.tensor([[0.6, -0.2], [0.0, 0.0]], dtype=torch.float64),
         point_weights=torch.tensor([[1.0, 1.0], [0.5, 3.0]], dtype=torch.float64),
         surface_points=none,
         surface_pressure=none[:, 0],
     )
     spec = NetworkSpec((3, 5), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), "mixed")
     terms = reference.loss_terms(params, theta, batch, spec, physics)
-    velocity = 0.5 * (0.6**2 + 0.4**2) / 4
-    friction = 0.25 * p / math.sqrt(0.6**2 + 0.4**2 + 0.3**2)
-    forces = (g_x - friction * 0.6, g_y + friction * 0.4)
+    velocity = 0.5 * (0.6**2 + 0.2**2) / 4
+    friction = 0.25 * p / math.sqrt(0.6**2 + 0.2**2 + 0.3**2)
+    forces = (g_x - friction * 0.6, g_y + friction * 0.2)
     momentum = (1 + 3) * (forces[0] ** 2 + forces[1] ** 2) / 4
     expected = torch.tensor([velocity, p**2 / 2, momentum, 0.0, 0.0], dtype=torch.float64)
     torch.testing.assert_close(terms, expected, rtol=1e-12, atol=1e-11)

@@ -32,7 +32,8 @@ THETA = torch.tensor([0.4, 0.64, 0.3], dtype=torch.float64)
 
 WEIGHTS = [3.0, 5.0, 0.7, 0.4, 0.9]
 
-PHYSICS = Physics(0.025, 0.05, -1.0, 0.0, math.inf, 0.6, 0.2, 1e-6, 0.8, 0.5, 0.1)
+PHYSICS = Physics(0.025, 0.05, -1.0, 0.0, math.inf, 0.6, 0.2, 1e-6, 0.8, 0.5, 0.1, 0.7)
+SCALES = torch.tensor(PHYSICS.velocity_scales, dtype=torch.float64)
 
 
 def problem(*weights: float) -> Problem:
@@ -119,7 +120,7 @@ def test_a_step_finds_the_exact_solution_of_a_linear_problem(seed: int, window: 
     g = torch.Generator().manual_seed(seed + 1)
     C[:2] += torch.randn(2, 8, generator=g, dtype=torch.float64)
     h = Features(SPEC, params, window).of_vectors(data.points)
-    data = dataclasses.replace(data, velocity=PHYSICS.velocity_scale * h @ C[:2].T)
+    data = dataclasses.replace(data, velocity=h @ C[:2].T * SCALES)
     # So little of the rest that it only makes the other unknowns unknowns of the problem.
     posed = dataclasses.replace(problem(1, 1e-14, 1e-14, 1e-14, 1e-14), window=window)
     sums = sums_of(posed, data, params)
@@ -244,7 +245,7 @@ def solved_on(device: str, seed: int) -> tuple[Tensor, Tensor]:
     params, data = initial_parameters(SPEC, seed), draw(seed)
     other = with_coefficients(SPEC, params, 1.1 * coefficients(SPEC, params))
     network = (SPEC.widths, SPEC.input_shift, SPEC.input_scale)
-    velocity = PHYSICS.velocity_scale * ops.network_value(data.points, other, *network)[:, :2]
+    velocity = SCALES * ops.network_value(data.points, other, *network)[:, :2]
     data = dataclasses.replace(data, velocity=velocity)
     tensors = {name: value.to(device) for name, value in data.arrays().items()}
     posed = problem(1, 1e-9, 1e-9, 1e-9, 1e-9)

@@ -80,7 +80,7 @@ def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
     )
     torch.testing.assert_close(mapped.amin(0), -torch.ones(3))
     torch.testing.assert_close(mapped.amax(0), torch.ones(3))
-    d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor, law_rate, k, s = found.physics
+    d, g_x, g_y, eta_min, eta_max, U_out, P_out, p_floor, law_rate, k, s, v_factor = found.physics
     scales = scales_of(flow)
     assert d == flow.grain_diameter / scales.length
     assert (g_x, g_y) == (0, -1)
@@ -95,6 +95,7 @@ def test_scaled_units_map_inputs_to_the_unit_cube(flow: Flow) -> None:
     assert law_rate == pytest.approx(ratio * rate)
     assert k == 0
     assert s == 1
+    assert v_factor == 1
 
 
 def test_side_walls_count_where_the_file_states_their_distance(flow: Flow) -> None:

@@ -49,7 +49,6 @@ ALONE = Members((0,), {"mu_s": MU[:1], "mu_2": MU[1:]})
 # With which change of a run errors grow, by feature.
 WORSE: dict[str, Known] = {
     "outline": USUAL._replace(outline=True),
-    "uniform": USUAL._replace(uniform=True, noise=0.5, misfit=0.5, vectors=10_000.0),
     "noise": USUAL._replace(noise=0.5, misfit=0.5, vectors=10_000.0),
     "misfit": USUAL._replace(misfit=0.03),
     "law": USUAL._replace(law=0.04),

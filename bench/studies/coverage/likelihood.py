@@ -21,7 +21,6 @@ from granpinn.uncertainty.error_model import (
     line,
     outline,
     quantities,
-    uniform,
 )
 
 Array = npt.NDArray[np.float64]
@@ -78,7 +77,6 @@ def _features(row: Row, end: int) -> list[float]:
     return [
         1.0,
         outline(known),
-        uniform(known),
         *(feature(name, values[name], end) for name in FEATURES),
     ]
 
@@ -136,12 +134,8 @@ def unlikely(p: Array, data: Data) -> float:
 def most_likely(data: Data) -> Array:
     """The coefficients at both ends, the correlation and the departure of grains: 2 C + 3."""
     C = len(COEFFICIENTS)
-    ends = [
-        (None, None),
-        (0, None),
-        (0, None),
-        *((0, None) if s > 0 else (None, 0) for s in FEATURES.values()),
-    ]
+    signs = ((0, None) if s > 0 else (None, 0) for s in FEATURES.values())
+    ends = [(None, None), (0, None), *signs]
     bounds = [*ends, *ends, (-2, 2), (None, None), (None, None)]
     start = np.zeros(2 * C + 3)
     start[[0, C]], start[-2:] = START, DEPARTURE

@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.studies.coverage.materials import LAW
-from granpinn.data.symmetry import UNIFORM
 from granpinn.results.records import Members
 from granpinn.uncertainty.error_bars import center
 from granpinn.uncertainty.error_model import Known, Pair, ends_of
@@ -141,7 +140,6 @@ def known_of(cells: dict[str, str]) -> tuple[Known, Members]:
         float(cells["independent"]),
         int(cells["steps"]),
         outline=cells["level"] == "V0",
-        uniform=UNIFORM in cells["symmetries"],
         real=cells["population"] == GRAINS,
     )
     return known, members

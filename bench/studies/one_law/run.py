@@ -6,8 +6,8 @@ python -m bench.studies.one_law.run --flows flows --scenes scenes --device cuda
 Every flow is identified by itself, many side by side. Then groups of them get one law:
 
 - pair: a collapse and a steep chute of one simulated material, flows.py.
-- long: the same with 100,000 steps.
-- noisy: long, with noise of 0.3 % of the largest speed, nearly the most with which I0 is free.
+- noisy: the same with 100,000 steps, and noise of 0.3 % of the largest speed, nearly the most with
+  which I0 is free.
 - grains: scenes of grains with one friction (bench/studies/grains), one flow file each in SCENES.
 - foreign: three scenes of one friction and one of another.
 - same: four scenes of one friction, with another collapse for one of the four.
@@ -42,7 +42,7 @@ LONG, NOISE, LARGE_NOISE = 100_000, 0.003, 0.05
 FRICTIONS = ("0.2", "0.4", "0.7")
 SCENES = ("collapse_2", "chute_fast", "chute_fast_steady", "drum_filmed")
 OTHER_COLLAPSE = "collapse_6"
-KINDS = ("long", "pair", "noisy", "twice", "grains", "same", "foreign")
+KINDS = ("pair", "noisy", "twice", "grains", "same", "foreign")
 PATH = Path(__file__).parent / "results" / "groups.json"
 Single = tuple[Path, int, float]  # a flow file, the seed of its training, its added noise
 
@@ -66,7 +66,7 @@ class Group:
 def groups(flows: Path, scenes: Path, seed: int) -> Iterator[Group]:
     """All groups; `seed` is that of the simulated materials."""
     pairs = [tuple(path_of(task, flows) for task in pair(seed, n)) for n in range(PAIRS)]
-    for kind, noise, steps in (("long", 0.0, LONG), ("pair", 0.0, None), ("noisy", NOISE, LONG)):
+    for kind, noise, steps in (("pair", 0.0, None), ("noisy", NOISE, LONG)):
         for n, paths in enumerate(pairs):
             own = tuple((path, n, noise) for path in paths)
             yield Group(kind, f"{seed}-{n:02d}", own, steps=steps)

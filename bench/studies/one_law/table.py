@@ -81,7 +81,7 @@ def lines(every: Groups) -> Iterator[str]:
     def of(kind: str) -> Groups:
         return [group for group in every if group["kind"] == kind]
 
-    for kind in ("pair", "long", "noisy"):
+    for kind in ("pair", "noisy"):
         yield from of_pairs(kind, of(kind)) if of(kind) else ()
     for group in of("grains") + of("same"):
         low, high, rms = of_curve(group)

@@ -109,13 +109,13 @@ struct Interior {
 
   static __device__ float misfit_slope(const DeviceLoss<float>& a, const TaskConstants& c,
                                        const float* seen, int field, float z0, float z1) {
-    const float U = c.physics.velocity_scale;
+    const float U = c.physics.scale_of(field);
     const float factor = c.term_weights[kVelocity] / static_cast<float>(a.n) * U;
     return factor * seen[2] * (U * (field ? z1 : z0) - seen[field]);
   }
   static __device__ float misfit_square(const TaskConstants& c, const float* seen, float z0,
                                         float z1) {
-    const float U = c.physics.velocity_scale, u = U * z0 - seen[0], v = U * z1 - seen[1];
+    const float u = c.physics.scale_of(0) * z0 - seen[0], v = c.physics.scale_of(1) * z1 - seen[1];
     return seen[2] * (u * u + v * v);
   }
 };

@@ -49,7 +49,7 @@ struct MixedForm {
     R u[channels], v[channels];
     for (int i = 0; i < channels; ++i) {
       u[i] = c.velocity_scale * z[0][i];
-      v[i] = c.velocity_scale * z[1][i];
+      v[i] = c.scale_of(1) * z[1][i];
     }
     const PressureJet<R> p = pressure_jet<pressure_map>(z[2], c.pressure_scale);
     const R(&s1)[channels] = z[3];
@@ -112,7 +112,7 @@ struct MixedForm {
                            p_a.p);
     for (int i = 0; i < channels; ++i) {
       z_a[0][i] = c.velocity_scale * z_a[0][i];
-      z_a[1][i] = c.velocity_scale * z_a[1][i];
+      z_a[1][i] = c.scale_of(1) * z_a[1][i];
     }
     pressure_jet_adjoint<pressure_map>(z[2], c.pressure_scale, p_a, z_a[2]);
     z_a[3][kValue] = a[3] * rate - (a[0] * p.p_x - a[1] * p.p_y);

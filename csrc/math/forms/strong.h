@@ -40,7 +40,7 @@ struct StrongForm {
     R u[channels], v[channels];
     for (int i = 0; i < channels; ++i) {
       u[i] = c.velocity_scale * z[0][i];
-      v[i] = c.velocity_scale * z[1][i];
+      v[i] = c.scale_of(1) * z[1][i];
     }
     const PressureJet<R> p = pressure_jet<pressure_map>(z[2], c.pressure_scale);
 
@@ -95,7 +95,7 @@ struct StrongForm {
                            p_a);
     for (int i = 0; i < channels; ++i) {
       z_a[0][i] = c.velocity_scale * z_a[0][i];
-      z_a[1][i] = c.velocity_scale * z_a[1][i];
+      z_a[1][i] = c.scale_of(1) * z_a[1][i];
     }
     const PressureJet<R> pressure_a{p_a, a0 + eta_x_a * eta.by_p, a1 + eta_y_a * eta.by_p};
     pressure_jet_adjoint<pressure_map>(z[2], c.pressure_scale, pressure_a, z_a[2]);
