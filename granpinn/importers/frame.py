@@ -10,15 +10,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from granpinn.arrays import Float64
-from granpinn.config.fields import flag_of
 from granpinn.importers import units
-from granpinn.importers.numerals import number
+from granpinn.importers.grids import MIXED, ROWS
 from granpinn.importers.settings import Settings
-from granpinn.importers.tables import MIXED, ROWS
 from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, VectorFields
 
-# The fact: settings that pairs of images need which are not consecutive, by their names.
-PAIRS = "pairs_need"
 HALF = 0.5  # a field between two images is half way between them
 
 
@@ -110,8 +106,8 @@ class Frame:
         if self.dimensionless:
             found = units.plain(text, flag)
         else:
-            number, unit = units.split(text, flag)
-            found = number * self.factor(unit or "1", dimension, flag)
+            value, unit = units.split(text, flag)
+            found = value * self.factor(unit or "1", dimension, flag)
         return units.in_range(found, flag, text)
 
 
@@ -136,11 +132,6 @@ def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
         missing.append("--frame-rate, such as '500 Hz' (the files hold no time)")
     elif not (settings.pulse_delay or settings.frame_rate) and units.has(velocity, "frame"):
         missing.append("--pulse-delay, such as '2 ms' (the vectors are per pair of images)")
-    missing += [
-        f"{flag_of(name)} (the names of the images show pairs that are not of consecutive ones)"
-        for name in fields.facts.get(PAIRS, "").split()
-        if getattr(settings, name) is None
-    ]
     unclear = units.has(length, "px") or fields.facts.get(ROWS) == MIXED
     if settings.flip_y == "auto" and fields.y_down is None and unclear:
         missing.append("--flip-y yes or no (the files do not say whether y points down)")
@@ -240,7 +231,7 @@ def _origin(fields: VectorFields, settings: Settings, up: int) -> tuple[float, f
         return 0.0, 0.0
     parts = settings.origin.strip("()[] ").split(",")
     try:
-        x0, y0 = (number(part, "--origin") for part in parts)
+        x0, y0 = (units.number(part, "--origin") for part in parts)
     except ValueError:
         raise DataFileError(f"--origin must be two numbers x,y, got {settings.origin!r}") from None
     return x0, y0

@@ -13,10 +13,9 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Surface
-from granpinn.importers.gaps import grains_around
 from granpinn.importers.limits import open_file, require_room
 from granpinn.importers.series import expand
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, grains_around
 
 FULL = 1e-6  # solvers fill cells up to rounding
 _BRIGHT = 0.5

@@ -62,9 +62,9 @@ def open_file(path: Path, max_bytes: int) -> BinaryIO:
         raise DataFileError(f"{path}: {error}") from None
 
 
-def file_bytes(path: Path) -> int:
+def file_bytes(path: Path, max_bytes: int = MAX_BYTES) -> int:
     """Size of one regular file, which may not be empty."""
-    with open_regular_file(path, MAX_BYTES) as stream:
+    with open_regular_file(path, max_bytes, "split it into one file per frame") as stream:
         return os.fstat(stream.fileno()).st_size
 
 

@@ -17,10 +17,17 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.importers.gaps import GAPS, split_gaps
+from granpinn.importers.grids import PIVLAB_TYPES
 from granpinn.importers.limits import read_file
-from granpinn.importers.pivlab_text import TYPES
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+from granpinn.importers.vectors import (
+    CALIBRATION,
+    GAPS,
+    DataFileError,
+    Validity,
+    VectorFields,
+    split_gaps,
+    vector_fields,
+)
 
 Matlab = dict[str, Any]  # variables, as granpinn.foreign.matlab gives them
 NAMES = (
@@ -150,15 +157,15 @@ def _fields(
             )
     u, v = (np.stack([frame[i] for frame in frames]) for i in (2, 3))
     if frames[0][4] is None:
-        facts = {"vector_types": "no", "mask": GAPS}
+        facts = {"mask": GAPS}
         codes = split_gaps(np.isfinite(u) & np.isfinite(v))
     else:
-        facts = {"vector_types": "yes"}
+        facts = {}
         types = np.stack([frame[4] for frame in frames])
         codes = np.full(u.shape, Validity.INVALID, np.int8)
-        for kind, code in TYPES.items():
+        for kind, code in PIVLAB_TYPES.items():
             codes[types == kind] = code
-    calibration = {name: _number(path, file, name, np.nan) for name in ("calxy", "calu", "caluv")}
+    calibration = {name: _number(path, file, name, np.nan) for name in CALIBRATION}
     down = bool(y[-1, 0] > y[0, 0]) if y_down is None else y_down
     return vector_fields(
         t=np.arange(len(frames)),

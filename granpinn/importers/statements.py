@@ -1,4 +1,4 @@
-"""One rule for quantities that are stated twice: by files, their headers, neighbors, and flags.
+"""One rule for quantities that are stated twice: by files, their headers, and flags.
 
 Two statements of one quantity that differ by more than `TOLERANCE` stop the conversion. The message
 has both values, their sources and what settles it.
@@ -8,23 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from granpinn.importers import units
 from granpinn.importers.frame import Frame
-from granpinn.importers.numerals import number
 from granpinn.importers.settings import Settings
-from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, VectorFields
+from granpinn.importers.vectors import CALU, CALUV, CALXY, TRACK_WINDOW, DataFileError, VectorFields
 
 TOLERANCE = 0.02  # relative
 NEVER_SET = 1.0  # s between two images, the default of programs
-# Facts of a calibration: meters per pixel, m/s of one pixel per pair, time of a pair.
-CALXY, CALUV, CALU, PULSE_DELAY = "calxy", "caluv", "calu", "pulse_delay_us"
-_UNITS = {CALXY: "m/px", CALUV: "m/s per px/frame", CALU: "m/s per px/frame", PULSE_DELAY: "us"}
-_MICROSECONDS = 1e-6
 
 
 class Statement(NamedTuple):
@@ -35,33 +29,11 @@ class Statement(NamedTuple):
     source: str
 
 
-def _require_equal(quantity: str, settle: str, *statements: Statement) -> None:
+def _require_equal(quantity: str, settle: str, first: Statement, other: Statement) -> None:
     """Refuses statements of one quantity that differ; `settle` is what the user can do."""
-    first = statements[0] if statements else None
-    for other in statements[1:]:
-        if first and not math.isclose(first.value, other.value, rel_tol=TOLERANCE):
-            said = ", ".join(f"{one.source} says {one.text}" for one in (first, other))
-            raise DataFileError(f"{quantity} is stated twice: {said}: {settle}")
-
-
-def require_one_calibration(stated: Mapping[Path, Mapping[str, str]]) -> None:
-    """Refuses a series in which the calibration changes, at the first file that differs.
-
-    Args:
-        stated: the facts of every file.
-    """
-    for name, unit in _UNITS.items():
-        made = [
-            Statement(_number(facts, name, path), f"{facts[name]} {unit}", path.name)
-            for path, facts in stated.items()
-            if name in facts
-        ]
-        again = "calibrate all images alike and export them again, or convert the files apart"
-        _require_equal(f"the calibration {name} of a series", again, *made)
-
-
-def _number(facts: Mapping[str, str], name: str, path: object = "the header") -> float:
-    return abs(number(facts[name], f"{path}: {name}"))
+    if not math.isclose(first.value, other.value, rel_tol=TOLERANCE):
+        said = ", ".join(f"{one.source} says {one.text}" for one in (first, other))
+        raise DataFileError(f"{quantity} is stated twice: {said}: {settle}")
 
 
 def calibration(facts: Mapping[str, str]) -> tuple[float | None, float | None]:
@@ -69,13 +41,12 @@ def calibration(facts: Mapping[str, str]) -> tuple[float | None, float | None]:
 
     PIVlab writes the factors 1 and 1 for vectors that are not calibrated.
     """
-    if PULSE_DELAY in facts:
-        return None, _number(facts, PULSE_DELAY) * _MICROSECONDS or None
-    factor = CALUV if CALUV in facts else CALU
     if CALXY not in facts:
         return None, None
-    pixel = _number(facts, CALXY)
-    velocity = _number(facts, factor) if factor in facts else 0.0
+    pixel, velocity = (
+        abs(units.number(facts.get(name, "0"), f"the header: {name}"))
+        for name in (CALXY, CALUV if CALUV in facts else CALU)
+    )
     if pixel == 0 or pixel == velocity == 1:
         return None, None
     return pixel, pixel / velocity if velocity else None
@@ -109,9 +80,7 @@ def require_agreement(fields: VectorFields, settings: Settings, frame: Frame) ->
 def _delay(fields: VectorFields, settings: Settings, given: float, stated: float) -> None:
     """The time between the images of a pair, `given` by a flag and `stated` by the header."""
     never = stated == NEVER_SET
-    # The two pulses of double frames have nothing to do with the frame rate.
-    double = PULSE_DELAY in fields.facts and settings.pulse_delay is None
-    if double or (never and units.has(settings.velocity_unit or fields.velocity_unit, "frame")):
+    if never and units.has(settings.velocity_unit or fields.velocity_unit, "frame"):
         return
     flag = "--frame-rate" if settings.pulse_delay is None else "--pulse-delay"
     shown = units.shown(stated, "s")

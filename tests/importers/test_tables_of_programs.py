@@ -57,7 +57,6 @@ DIALECTS: dict[str, tuple[str, str, dict[str, Any]]] = {
         "utf-8",
         {},
     ),
-    "R, row names without a name": (table("frame particle x y", "ifpxy", " "), "utf-8", {}),
     "comments above": (table(above=("# made by hand", "# frame rate, x, 500")), "utf-8", {}),
     "a title above": (table(above=("Tracks of film 3", "")), "utf-8", {}),
     "UTF-16": (table(separator="\t"), "utf-16", {}),
@@ -68,11 +67,6 @@ DIALECTS: dict[str, tuple[str, str, dict[str, Any]]] = {
         table(",,(pixel),(pixel),,", "ppxyfi", above=TRACKMATE),
         "utf-8",
         {},
-    ),
-    "own names": (
-        table("Bild,Korn,rechts,oben"),
-        "utf-8",
-        {"columns": "frame=Bild,particle=Korn,x=rechts,y=oben"},
     ),
 }
 
