@@ -15,7 +15,6 @@ from itertools import combinations
 import numpy as np
 
 from granpinn.arrays import Bool, Float64, Floats, Index
-from granpinn.data import turned
 from granpinn.data.flow import Flow
 from granpinn.data.large import slabs
 from granpinn.data.walls import Segments, crossed, segments_of
@@ -30,20 +29,19 @@ def above_ground(flow: Flow, lowest: int | None = None) -> Bool:
     Args:
         lowest: the lowest row of the flow of which this is a part.
     """
-    k, grains = turned.quarters(flow), flow.material & flow.after_start(flow.t)[:, None, None]
-    upright = np.ascontiguousarray(turned.grid(grains, k))
+    grains: Bool = flow.material & flow.after_start(flow.t)[:, None, None]
     rows = [row for row in (lowest_row(flow), lowest) if row is not None]
     if rows:
-        upright[:, min(rows)] = False
-    return np.asarray(turned.grid(upright, -k))
+        grains[:, min(rows)] = False
+    return grains
 
 
 def lowest_row(flow: Flow) -> int | None:
-    """The lowest row of cells full of grains that count, in upright axes (turned.py)."""
-    k, lowest = turned.quarters(flow), []
+    """The lowest row of cells full of grains that count."""
+    lowest = []
     for part in slabs(flow):
         grains = (flow.c[part] >= 1) & flow.after_start(flow.t[part])[:, None, None]
-        lowest.append(np.flatnonzero(turned.grid(grains, k).any(axis=(0, 2))))
+        lowest.append(np.flatnonzero(grains.any(axis=(0, 2))))
     rows = np.concatenate(lowest)
     return int(rows.min()) if rows.size else None
 

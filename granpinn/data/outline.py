@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from granpinn.arrays import Index
-from granpinn.data import turned
 from granpinn.data.flow import SOLVER_CELL, Flow, FlowFileError, Surface
 from granpinn.data.large import chosen
 from granpinn.data.local_planes import smoothed
@@ -50,9 +49,8 @@ def surface_of(flow: Flow, level: str) -> Surface:
 
 def outline(flow: Flow) -> Surface:
     """The upper edge of the grains, with one point for every time and place along the ground."""
-    rows = [_highest_rows(turned.upright(part)) for _, part in filled_slabs(flow)]
-    found = _outline_above(np.concatenate(rows), turned.upright(flow))
-    return turned.points(found, -turned.quarters(flow))
+    rows = [_highest_rows(part) for _, part in filled_slabs(flow)]
+    return _outline_above(np.concatenate(rows), flow)
 
 
 def _highest_rows(flow: Flow) -> Index:

@@ -17,7 +17,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.data import turned
 from granpinn.data.flow import SOLVER_CELL, Flow, Surface
 from granpinn.data.large import is_large, slabs, some_frames
 from granpinn.data.surface import folded, line_heights, points_of
@@ -57,16 +56,14 @@ def filled_slabs(flow: Flow, ahead: int = 0) -> Iterator[tuple[slice, Flow]]:
 
 def _below(flow: Flow, surface: Surface) -> Bool:
     """Cells whose center lies below the line, and between its ends [T, Y, X]."""
-    k, own = turned.quarters(flow), turned.upright(flow)
-    line = turned.points(surface, k)
-    height = line_heights(own.t, own.x, line)[:, None]
-    found: Bool = own.y[:, None] < height
-    steep = folded(own.t, own.x, line)
-    for i, now in points_of(own.t, line.t) if steep.any() else ():
-        points = np.stack([line.x[now], line.y[now]], 1)
-        beside = _beside(own.x, own.y, own.material[i], points)
+    height = line_heights(flow.t, flow.x, surface)[:, None]
+    found: Bool = flow.y[:, None] < height
+    steep = folded(flow.t, flow.x, surface)
+    for i, now in points_of(flow.t, surface.t) if steep.any() else ():
+        points = np.stack([surface.x[now], surface.y[now]], 1)
+        beside = _beside(flow.x, flow.y, flow.material[i], points)
         found[i][:, steep[i]] = beside[:, steep[i]]
-    return np.asarray(turned.grid(found, -k))
+    return found
 
 
 def _beside(along: Float64, up: Float64, full: Bool, line: Float64) -> Bool:

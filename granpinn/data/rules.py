@@ -155,6 +155,11 @@ def _check_constants(flow: Flow) -> None:
             f"gravity must be two finite numbers (g_x, g_y), not both 0, got "
             f"{[float(g) for g in gravity]}: correct this attribute"
         )
+    if gravity[1] >= 0:
+        raise FlowFileError(
+            f"gravity must point down, g_y < 0, as y points up, got {[float(g) for g in gravity]}: "
+            "correct its sign, or turn the data by quarters (numpy.rot90)"
+        )
 
 
 def _check_steps(name: str, values: Float64) -> None:

@@ -29,7 +29,6 @@ from dataclasses import replace
 import numpy as np
 
 from granpinn.arrays import Float64, Floats
-from granpinn.data import turned
 from granpinn.data.flow import STEADY, Flow, Surface
 from granpinn.data.large import SLAB_CELLS, spread
 from granpinn.data.surface import folded, line_heights
@@ -162,12 +161,11 @@ def _standard_errors(sums: Float64, frames: int) -> tuple[float, float] | tuple[
 
 def _surface_stays(flow: Flow) -> bool:
     """Whether the free surface, or without a line the thickness of the grains, stays in place."""
-    own = turned.upright(flow)
-    step, line = own.spacing[1], own.surface
+    step, line = flow.spacing[1], flow.surface
     if line is None:
-        height = own.c.sum(axis=1, dtype=np.float64) * step
+        height = flow.c.sum(axis=1, dtype=np.float64) * step
     else:
-        height = line_heights(own.t, own.x, line)
+        height = line_heights(flow.t, flow.x, line)
     middle = np.stack([_mean(part) for part in np.array_split(height, PARTS)])
     moved = (middle - middle.mean(axis=0))[:, np.isfinite(middle).all(axis=0)]
     limit = max(flow.grain_diameter, step)
@@ -176,19 +174,17 @@ def _surface_stays(flow: Flow) -> bool:
 
 def _line(flow: Flow, surface: Surface, time: float) -> Surface:
     """The mean over the frames of a line with one height in every column; else all its points."""
-    k, x = turned.quarters(flow), turned.upright(flow).x
-    line = turned.points(surface, k)
-    folds = folded(flow.t, x, line).mean(axis=0)
+    x = flow.x
+    folds = folded(flow.t, x, surface).mean(axis=0)
     if flow.t.size == 1 or (folds > LEAST_FILLED).any():
         return replace(surface, t=np.full(surface.t.shape, time))
-    height = line_heights(flow.t, x, line)
+    height = line_heights(flow.t, x, surface)
     kept = np.isfinite(height).mean(axis=0) >= LEAST_FILLED * np.isfinite(height).any(axis=1).mean()
-    p = line.p
+    p = surface.p
     if p is not None:
-        p = _mean(line_heights(flow.t, x, replace(line, y=p.astype(np.float64))))[kept]
+        p = _mean(line_heights(flow.t, x, replace(surface, y=p.astype(np.float64))))[kept]
         p = p.astype(np.float32)
-    mean = Surface(np.full(int(kept.sum()), time), x[kept], _mean(height)[kept], p)
-    return turned.points(mean, -k)
+    return Surface(np.full(int(kept.sum()), time), x[kept], _mean(height)[kept], p)
 
 
 def _mean(values: Floats) -> Float64:

@@ -29,11 +29,12 @@ def hanging(flow: Flow, pose: Upright) -> str | None:
     """Between which walls the grains hang, in words; None if they stand on their base.
 
     Args:
-        pose: the flow in upright axes.
+        pose: the same flow below its surface line.
     """
-    if flow.walls is None or pose.flow.walls is None:
+    if flow.walls is None:
         return None
-    names, walls = segments_of(flow.walls).names(), segments_of(pose.flow.walls)
+    walls = segments_of(flow.walls)
+    names = walls.names()
     frame = int(np.argmax(np.isfinite(pose.height).sum(axis=1)))
     ((_, there),) = walls.spells(flow.t[frame : frame + 1])
     share, pair = _shares(pose, frame, there)

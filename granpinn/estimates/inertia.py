@@ -1,7 +1,7 @@
 r"""The inertial numbers that the vectors of a flow show, without a network.
 
-The pressure in them is an estimate. It follows from the momentum balance along the coordinate
-closest to gravity, without the stress deviator:
+The pressure in them is an estimate. It follows from the momentum balance along y,
+without the stress deviator:
 
 $$ p(h) = \int_h^{h_s} \big(g_{eff}\big)\,\mathrm{d}h', \qquad
    g_{eff} = \max\big(-(g - \mathrm{D}v/\mathrm{D}t) \cdot e_h,\ 0\big): $$
@@ -21,7 +21,6 @@ from granpinn.arrays import Bool, Float64
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.gradients import Gradients
 from granpinn.estimates.view import View
-from granpinn.physics.axes import vertical_coordinate
 
 # A cell flows if its shear rate exceeds this, in units of sqrt(|g| / H0) (that of D2 = 0.05, as in
 # granpinn/fit/scoring.py), and this many times the shear rate that noise simulates.
@@ -65,17 +64,12 @@ def inertial_numbers(facts: Facts) -> InertialNumbers:
 
 def estimated_pressure(view: View, found: Gradients) -> Float64:
     """Pressure at the cells of `found` [K], in units of rho |g| H0, above zero."""
-    coordinate, downwards = vertical_coordinate(view.gravity)
-    axis, component = 2 - coordinate, view.gravity[coordinate]
-    spacing = view.steps[axis]
-    weight = np.full(view.grains.shape, abs(component))
-    along = found.acceleration[:, coordinate] * np.sign(component)
-    weight[found.index] -= along
+    spacing = view.steps[1]
+    weight = np.full(view.grains.shape, -view.gravity[1])
+    weight[found.index] += found.acceleration[:, 1]
     weight = np.where(view.grains, weight, 0.0) * spacing
-    # Downwards along the axis: from its end where the ground is at its beginning.
-    ordered = weight if downwards else np.flip(weight, axis)
-    below = np.cumsum(ordered, axis=axis) - ordered / 2
-    pressure = below if downwards else np.flip(below, axis)
+    downwards = weight[:, ::-1]
+    pressure = (np.cumsum(downwards, axis=1) - downwards / 2)[:, ::-1]
     least = FLOOR * max(spacing, view.d) / 2
     return np.maximum(pressure[found.index], least)
 

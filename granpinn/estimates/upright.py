@@ -1,4 +1,4 @@
-"""A flow whose gravity points mostly down, below a surface line, for sums along vertical lines."""
+"""A flow on a regular grid below a surface line, for sums along the lines of y."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from granpinn.arrays import Bool, Float64
-from granpinn.data import Flow, turned
+from granpinn.data import Flow
 from granpinn.data.surface import STEEP, folded, line_heights
 from granpinn.data.walls import segments_of
 
@@ -23,7 +23,7 @@ class Upright(NamedTuple):
     """Vectors on a regular grid below a surface line, in units of the file.
 
     Attributes:
-        flow: with y up within 45 degrees (data/turned.py).
+        flow: on an even grid.
         height: of the surface line in every column, [T, X]; NaN where there is no line. Without a
             line, of a plate on the grains.
         clear: columns in whose neighbourhood the line exists, is not steep and does not fold,
@@ -38,7 +38,7 @@ class Upright(NamedTuple):
 
 
 def upright(flow: Flow, reach: int) -> Upright | str:
-    """The flow in upright axes, or the reason why the momentum balance cannot use it.
+    """The flow with the height of its surface, or why the momentum balance cannot use it.
 
     Args:
         reach: columns on each side that the balance of a column uses.
@@ -54,7 +54,6 @@ def upright(flow: Flow, reach: int) -> Upright | str:
         step = np.diff(axis)
         if not np.abs(step / step.mean() - 1).max() < EVEN:
             return f"the cells are not evenly spaced along {name}"
-    flow = turned.upright(flow)
     load = 0.0, 0.0
     if free and (line := flow.surface) is not None:
         height = line_heights(flow.t, flow.x, line)

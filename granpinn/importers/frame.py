@@ -175,8 +175,11 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         g = settings.number("gravity")
     assert g is not None
     angle = units.si(settings.tilt, "angle", "--tilt")
-    if abs(angle) > math.pi:
-        raise DataFileError(f"--tilt must be an angle from -180 to 180 deg, got {settings.tilt!r}")
+    if not abs(angle) < math.pi / 2:
+        raise DataFileError(
+            f"--tilt must be an angle between -90 and 90 deg, got {settings.tilt!r}: turn the "
+            "pictures by quarters first"
+        )
     if TRACK_WINDOW in fields.facts:
         if settings.velocity_unit and not math.isclose(velocity, length / time):
             raise DataFileError(

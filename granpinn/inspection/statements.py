@@ -33,7 +33,6 @@ from granpinn.data.large import spread
 from granpinn.data.scaling import initial_height
 from granpinn.estimates.lattice import ROUNDING, lattice_step
 from granpinn.inspection import Inspection, digits
-from granpinn.physics.axes import vertical_coordinate
 from granpinn.results.record import IMPOSSIBLE, IMPROBABLE, UNUSUAL, Check, Reason, Record
 
 FEWEST_GRAINS, FEW_GRAINS, FEW_IN_LAYERS, MOST_GRAINS = 2.0, 10.0, 5.0, 2000.0
@@ -129,14 +128,13 @@ def _errors(flow: Flow, speeds: Float64) -> list[Reason]:
 def _line(flow: Flow) -> list[Reason]:
     if flow.surface is None:
         return []
-    upright, _ = vertical_coordinate(flow.gravity)
-    place = flow.surface.x if upright else flow.surface.y
-    columns = int((flow.c[0] >= 1).any(axis=0 if upright else 1).sum())
-    if columns < FEWEST or np.ptp(place) >= flow.spacing[0 if upright else 1]:
+    place = flow.surface.x
+    columns = int((flow.c[0] >= 1).any(axis=0).sum())
+    if columns < FEWEST or np.ptp(place) >= flow.spacing[0]:
         return []
     text = (
-        f"all points of the free surface lie within one of {columns} columns of grains, at "
-        f"{'x' if upright else 'y'} = {place[0]:.4g}: give the line from end to end"
+        f"all points of the free surface lie within one of {columns} columns of grains, at x = "
+        f"{place[0]:.4g}: give the line from end to end"
     )
     return [Reason(IMPROBABLE, text)]
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from granpinn.config import Config, Network
-from granpinn.data import Flow, Surface, Walls
+from granpinn.data import Flow, Walls
 from granpinn.estimates.confined import NO_PRESSURE, NO_WORK_WORDS, undetermined
 from granpinn.identification.single import identify
 from granpinn.inspection import inspect
@@ -109,28 +109,6 @@ def test_grains_that_hang_between_walls() -> None:
     assert one.walls is not None
     half = Walls(one.walls.x[:2], one.walls.y[:2])
     assert baseline(replace(one, walls=half)).reason is None
-
-
-def test_a_sideways_silo() -> None:
-    """Gravity along -x: the walls are rows."""
-    flow = silo(6.0)
-    assert flow.walls is not None
-    assert flow.surface is not None
-    turned = replace(
-        flow,
-        x=np.sort(-flow.y), y=flow.x, u=np.rot90(-flow.v, -1, (1, 2)),
-        v=np.rot90(flow.u, -1, (1, 2)), c=np.rot90(flow.c, -1, (1, 2)),
-        gravity=(-flow.gravity[1], flow.gravity[0]),
-        surface=Surface(flow.surface.t, -flow.surface.y, flow.surface.x),
-        walls=Walls(-flow.walls.y, flow.walls.x),
-    )  # fmt: skip
-    found, plain = baseline(turned), baseline(flow)
-    assert found.carried
-    assert found.reason is not None
-    assert plain.reason is not None
-    assert "(-12, 12) to (1, 12)" in found.reason
-    share = [reason.split("about ")[1][:3] for reason in (found.reason, plain.reason)]
-    assert share[0] == share[1]
 
 
 def under_a_plate(load: float, tau: float, gap: float) -> Flow:
