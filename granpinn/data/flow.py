@@ -69,8 +69,7 @@ class Walls:
         u, v: velocity of the wall at its points [m], None = at rest.
         slip: [m], 0 where grains move with the wall, 1 where none flow through it and nothing more
             is known; None = 1.
-        p, tau: measured normal stress on the wall, and size of the shear stress [m]; NaN or None =
-            not known.
+        p: measured normal stress on the wall [m]; NaN or None = not known.
     """
 
     x: Float64
@@ -80,7 +79,6 @@ class Walls:
     v: Float64 | None = None
     slip: Float32 | None = None
     p: Float32 | None = None
-    tau: Float32 | None = None
 
     def __post_init__(self) -> None:
         require_fields(self, FlowFileError)

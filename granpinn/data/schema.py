@@ -107,7 +107,6 @@ WALL_DATASETS = (
     DatasetRule("wall_v", _WALL, _BOTH, "float64", "velocity"),
     DatasetRule("wall_slip", _WALL, _BOTH, "float32", "fraction", low=0, high=1),
     DatasetRule("wall_p", _WALL, _BOTH, "float32", "pressure", low=0, gaps=True),
-    DatasetRule("wall_tau", _WALL, _BOTH, "float32", "pressure", low=0, gaps=True),
 )
 DATASETS = {
     rule.name: rule

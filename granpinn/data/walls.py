@@ -28,7 +28,7 @@ class Segments:
         normal: of the wall there, unit vectors [K, 2, 2], on its left. Those of a curved wall are
             the means of neighboring segments.
         sticks: whether grains move with the segment [K].
-        p, tau: known normal and shear stress at the points [K, 2], or NaN.
+        p: known normal stress at the points [K, 2], or NaN.
         t: the time of the segment [K], NaN = at all times.
         wall: number of its wall [K]. Pieces of different times in the same order are one wall.
     """
@@ -38,7 +38,6 @@ class Segments:
     normal: Float64
     sticks: Bool
     p: Float64
-    tau: Float64
     t: Float64
     wall: Index
 
@@ -83,7 +82,7 @@ def segments_of(walls: Walls) -> Segments:
     velocity = np.stack([zero if a is None else a for a in (walls.u, walls.v)], 1)
     t = unknown if walls.t is None else walls.t
     sticks = zero if walls.slip is None else 1.0 - walls.slip
-    p, tau = (unknown if a is None else a.astype(np.float64) for a in (walls.p, walls.tau))
+    p = unknown if walls.p is None else walls.p.astype(np.float64)
     # A point that repeats the one before it is left out, and so is NaN, which parts two pieces.
     parts = np.isnan(walls.x)
     new = np.append(True, np.any(place[1:] != place[:-1], axis=1))
@@ -98,7 +97,6 @@ def segments_of(walls: Walls) -> Segments:
         _normals(place[pair], piece),
         np.asarray((sticks[pair] > 0).all(axis=1)),
         p[pair],
-        tau[pair],
         t[pair[:, 0]],
         _numbers(t[pair[_edges(piece)[:-1], 0]])[piece],
     )

@@ -6,9 +6,9 @@ the strain rate, tau = q n, n = D/|D| (n_xx^2 + n_xy^2 = 1), and no stress on th
     N = p + q n_xx = int_y^h [rho (a_y - g_y) - d_x (q n_xy)] dy
     q n_xy         = int_y^h [-rho (a_x - g_x) - d_x (p - q n_xx)] dy
 
-go down every vertical line of cells. Under a plate on the grains, its pressure and shear stress are
-added. d_x is taken of the integrals, which vanish at the surface. In the terms with q itself,
-q = mu(I) p with the law mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) that fits the second line best.
+go down every line of cells along y. d_x is taken of the integrals, which vanish at the surface. In
+the terms with q itself, q = mu(I) p with the law mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) that fits
+the second line best.
 Both are iterated from q = 0.4 p. So the noise of q in a cell does not reach the cells below it, nor
 those where the shear is not parallel to the axes, |n_xy| << 1. A flow that is periodic along x is
 averaged along x first: then d_x = 0. Friction of side walls adds the force -k p v/|v| to rho g
@@ -111,11 +111,10 @@ def momentum_balance(
     full &= (np.abs(n_xy) > LEAST_SHEAR) & (gdot > RATE_OVER_NOISE * error)
     gdot = np.sqrt(np.maximum(gdot**2 - error**2, 0.0))
     density = flow.density if flow.grain_density is None else flow.grain_density
-    pressure, drag = _load(pose, n_xy[full], flow.density)
     lines = _Lines(
-        drag=drag - _integral(flow.density * (filled(a_x) - flow.gravity[0]), below, dy),
-        weight=pressure + _integral(flow.density * (filled(a_y) - flow.gravity[1]), below, dy),
-        hydrostatic=pressure - flow.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
+        drag=-_integral(flow.density * (filled(a_x) - flow.gravity[0]), below, dy),
+        weight=_integral(flow.density * (filled(a_y) - flow.gravity[1]), below, dy),
+        hydrostatic=-flow.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
         n_xx=n_xx,
         n_xy=n_xy,
         rate=gdot * flow.grain_diameter * np.sqrt(density),
@@ -130,19 +129,6 @@ def momentum_balance(
     return Stress(
         chosen, p, side * shear, p * np.abs(n_xy), number, below, used, sigma, error / usual
     )
-
-
-def _load(pose: Upright, n_xy: Float64, density: float) -> tuple[float, float]:
-    """Pressure and shear stress at the upper edge of the cells: those of the plate, and the weight
-    of the grains between both. Zero for a free surface."""
-    flow = pose.flow
-    p, tau = pose.load
-    if p == 0 and tau == 0:
-        return 0.0, 0.0
-    dy = float(np.diff(flow.y).mean())
-    between = max(0.0, float(pose.height.max() - flow.y[-1]) - dy / 2) * density
-    side = float(np.sign(np.mean(n_xy))) if n_xy.size else 0.0
-    return p - flow.gravity[1] * between, side * tau + flow.gravity[0] * between
 
 
 @dataclass(frozen=True, eq=False)

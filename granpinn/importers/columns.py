@@ -41,7 +41,7 @@ GROUPS = {
     "time_unit": ("t",),
     "velocity_unit": ("u", "v", "sigma_u", "sigma_v"),
 }
-_WITH_DIMENSION = {*(name for group in GROUPS.values() for name in group), "p", "tau"}
+_WITH_DIMENSION = {*(name for group in GROUPS.values() for name in group), "p"}
 MAX_TEXT = 2**30  # bytes of a file
 MAX_COLUMNS = 1000
 HEAD = 2**16  # bytes that hold the lines above the numbers

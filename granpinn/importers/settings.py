@@ -154,8 +154,8 @@ class Settings:
     walls: str | None = setting(
         None,
         "CSV file of walls: columns x, y of points in order, nan between two pieces; if known t, "
-        "u, v (motion of the wall), slip (0: grains move with the wall, 1: not), p and tau "
-        "(normal and shear stress)",
+        "u, v (motion of the wall), slip (0: grains move with the wall, 1: not), p "
+        "(normal stress)",
         group="grains",
     )
     surface_sd: str | None = setting(

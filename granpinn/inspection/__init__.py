@@ -223,10 +223,7 @@ class Inspection:
                 "stands above, or mend the flow file."
             )
         if self.undetermined is not None:
-            shown = getattr(balance, "shown", ())
-            what = "The velocity gives no friction coefficient"
-            what = what if shown else "No friction coefficient can be given"
-            return f"{what}: {self.undetermined}."
+            return f"No friction coefficient can be given: {self.undetermined}."
         if getattr(balance, "carried", False):
             return "A law from these data is not to be used: walls carry the grains."
         precision = self.records.get("precision")

@@ -144,7 +144,6 @@ def _stresses(flow: Flow) -> list[Reason]:
     parts = {
         "surface_p": None if flow.surface is None else flow.surface.p,
         "wall_p": None if flow.walls is None else flow.walls.p,
-        "wall_tau": None if flow.walls is None else flow.walls.tau,
     }
     found = []
     for name, values in parts.items():

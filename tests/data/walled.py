@@ -38,5 +38,4 @@ EVERYTHING = replace(
     v=np.zeros(5),
     slip=single(0, 0, NAN, 1, 1),
     p=single(1, NAN, NAN, 2, 3),
-    tau=single(NAN, NAN, NAN, 0, 1),
 )

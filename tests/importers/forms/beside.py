@@ -118,7 +118,7 @@ def walls(
     stated = dict(zip("xyuvt", own.split(), strict=False))
     shown = replace(seen, **{n: u for n, u in stated.items() if n != "t"})
     x, y = physical.in_view(truth.x, truth.y, shown)
-    numbers = {"x": x, "y": y, "slip": truth.slip, "p": truth.p, "tau": truth.tau}
+    numbers = {"x": x, "y": y, "slip": truth.slip, "p": truth.p}
     sign = 1 if up else -1
     numbers["u"] = truth.u / scene.si(shown.u)
     numbers["v"] = sign * truth.v / scene.si(shown.v)
@@ -132,7 +132,7 @@ def walls(
     made = []
     for name in kept:
         unit, values = stated.get(name, ""), numbers[name]
-        if name in ("p", "tau") and pressure:
+        if name == "p" and pressure:
             unit, values = pressure, values / (1e3 if pressure == "kPa" else 1.0)
         cells = [gap if np.isnan(v) else f"{v:.10g}" for v in values]
         made.append((titled(name, unit, "[]"), cells))
@@ -229,7 +229,7 @@ FAMILIES = {
             "own": plain("", "m m m/s m/s s", "mm mm mm/s mm/s ms", "mm px m/s mm/s s")
             | odd("m m m/s m/s frame"),
             "up": plain(True, False),
-            "columns": plain("x y t u v slip p tau", "x y", "x y t", "x y slip"),
+            "columns": plain("x y t u v slip p", "x y", "x y t", "x y slip"),
             "gap": plain("nan", "", "NaN"),
             "pressure": plain("", "Pa", "kPa"),
             "order": plain("", "10", "3210"),

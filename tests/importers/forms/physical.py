@@ -101,7 +101,6 @@ def walls() -> Walls:
         v=np.array([0.0, 0.0, nan, 0.25, 0.5]),
         slip=np.array([0, 0, nan, 1, 1], np.float32),
         p=np.array([nan, nan, nan, 20, 25], np.float32),
-        tau=np.array([nan, nan, nan, 5, 6], np.float32),
     )
 
 
