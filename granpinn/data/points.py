@@ -20,14 +20,20 @@ import torch
 
 from granpinn.arrays import Float64, Index
 from granpinn.config import LEVELS
-from granpinn.data.collocation import above_ground, lie_between, lowest_row, points_between
+from granpinn.data.collocation import (
+    above_ground,
+    drawn,
+    lie_between,
+    lowest_row,
+    points_between,
+    strip_of,
+)
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
 from granpinn.data.large import slabs, some_frames
 from granpinn.data.noise import velocity_weights
 from granpinn.data.outline import surface_of
 from granpinn.data.partial_cells import filled_slabs
 from granpinn.data.scaling import moving, placed, turned_and_rounded
-from granpinn.data.surface_strip import drawn, strip_of
 from granpinn.data.symmetry import axes_of
 from granpinn.data.wall_points import walls_of, warn_of_contradictions
 from granpinn.physics.axes import Axes
@@ -60,7 +66,7 @@ class TrainingSet:
         lower, upper: bounds of the points, [3].
         between: (x, y, t) of points with the residuals of the equations alone, [B, 3]
             (granpinn/data/collocation.py).
-        strip: such points above the highest vectors, [S, 3] (granpinn/data/surface_strip.py).
+        strip: such points above the highest vectors, [S, 3] (granpinn/data/collocation.py).
         equation_weights: weights of the equations at the points between and of the strip, [B + S].
         wall_points, wall_velocity: (x, y, t) on walls and the velocity of the grains there, [W, 3]
             and [W, 2] (granpinn/data/wall_points.py). The equations do not count there: a shear

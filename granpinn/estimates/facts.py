@@ -17,7 +17,7 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.data import Flow, known_sd
 from granpinn.data.symmetry import invariant_axes
-from granpinn.estimates.gradients import Gradients, gradients
+from granpinn.estimates.gradients import Gradients, View, gradients, view_of
 from granpinn.estimates.lattice import ROUNDING, lattice_step
 from granpinn.estimates.noise import Noise, grid_noise, of_pairs
 from granpinn.estimates.scattered_fits import (
@@ -25,7 +25,6 @@ from granpinn.estimates.scattered_fits import (
     particle_fits,
     particle_vectors,
 )
-from granpinn.estimates.view import View, view_of
 from granpinn.physics.scales import Scales
 
 FRAMES = 12  # at most, for the shear rate

@@ -19,8 +19,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float64
 from granpinn.estimates.facts import Facts
-from granpinn.estimates.gradients import Gradients
-from granpinn.estimates.view import View
+from granpinn.estimates.gradients import Gradients, View
 
 # A cell flows if its shear rate exceeds this, in units of sqrt(|g| / H0) (that of D2 = 0.05, as in
 # granpinn/fit/scoring.py), and this many times the shear rate that noise simulates.

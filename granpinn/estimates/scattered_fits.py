@@ -2,7 +2,7 @@
 
 A parabola is fitted to each of some vectors and its nearest neighbors in the same frame. What it
 leaves is the noise. The random motion of grains about the mean flow counts as noise. What neighbors
-share is no part of it: `pairs.py` shows that, where there are frames enough.
+share is no part of it: noise.py shows that, where there are frames enough.
 """
 
 from __future__ import annotations

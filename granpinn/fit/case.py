@@ -25,13 +25,13 @@ from granpinn.data import (
     training_set,
     with_partial_cells,
 )
+from granpinn.data.collocation import LARGEST_PART
 from granpinn.data.flow import Surface
 from granpinn.data.memory import available
 from granpinn.data.points import training_sets, vector_counts
 from granpinn.data.scaling import scales_of
 from granpinn.data.steady import said
 from granpinn.data.surface import surface_sd
-from granpinn.data.surface_strip import LARGEST_PART
 from granpinn.data.walls import segments_of
 from granpinn.estimates.facts import Facts
 from granpinn.estimates.inertia import inertial_numbers

@@ -27,7 +27,7 @@ from granpinn.data import (
 )
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
-from granpinn.estimates.view import BETWEEN_RUNS
+from granpinn.estimates.gradients import BETWEEN_RUNS
 from granpinn.fit import case
 from tests.data.test_variants import walled
 from tests.flows import make_flow
