@@ -22,7 +22,6 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.data.flow import Flow
-from granpinn.data.large import slabs
 from granpinn.data.scaling import RESOLUTION
 from granpinn.data.surface import SAME_TIME, points_of
 from granpinn.data.symmetry import axes_of
@@ -37,44 +36,26 @@ if TYPE_CHECKING:
 _KEY = 3 << 64
 
 
-def above_ground(flow: Flow, lowest: int | None = None) -> Bool:
-    """Cells full of grains that count, without their lowest row [T, Y, X].
-
-    Args:
-        lowest: the lowest row of the flow of which this is a part.
-    """
+def above_ground(flow: Flow) -> Bool:
+    """Cells full of grains that count, without their lowest row [T, Y, X]."""
     grains: Bool = flow.material & flow.after_start(flow.t)[:, None, None]
-    rows = [row for row in (lowest_row(flow), lowest) if row is not None]
-    if rows:
-        grains[:, min(rows)] = False
+    rows = np.flatnonzero(grains.any(axis=(0, 2)))
+    grains[:, rows[:1]] = False
     return grains
 
 
-def lowest_row(flow: Flow) -> int | None:
-    """The lowest row of cells full of grains that count."""
-    lowest = []
-    for part in slabs(flow):
-        grains = (flow.c[part] >= 1) & flow.after_start(flow.t[part])[:, None, None]
-        lowest.append(np.flatnonzero(grains.any(axis=(0, 2))))
-    rows = np.concatenate(lowest)
-    return int(rows.min()) if rows.size else None
-
-
-def points_between(
-    flow: Flow, grains: Bool, count: int, number: int = 0
-) -> tuple[Float64, Float64, Float64]:
+def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float64, Float64]:
     """Random x, y, t [count], in the units of the file; no points if no cell is complete.
 
     A complete cell, in space and time, has its eight corners at grid points in `grains` [T, Y, X],
     with a vector or without; four corners in a flow of one frame. No wall passes through it. The
-    points are uniform over all complete cells. Each part of a large flow has random numbers of
-    its own, by its `number`.
+    points are uniform over all complete cells.
     """
     complete = _complete(flow, grains)
     if flow.walls is not None:
         complete &= ~_cut(flow, segments_of(flow.walls))
     cells = np.argwhere(complete)
-    rng = np.random.Generator(np.random.Philox(key=_KEY + number))
+    rng = np.random.Generator(np.random.Philox(key=_KEY))
     drawn = cells[rng.integers(len(cells), size=count)] if len(cells) else cells
     part = rng.random(drawn.shape)
 

@@ -144,8 +144,8 @@ class Flow:
         averaged: number of frames whose mean the flow is (`steady.steady_mean`); no part of a file.
         source: force per mass beside gravity at any point, in the units and axes of the flow, for
             manufactured flows (bench/studies/floor); no part of a file.
-        starts: the first frame of every run, in a flow of runs of frames that stand for a large
-            flow (`large.runs`); no part of a file.
+        every: every how many frames of a large flow this one has (`large.thinned`); no part of a
+            file.
         sha256: hash of the file that was read, "" for a flow made in memory.
         path: the file that was read.
     """
@@ -176,7 +176,7 @@ class Flow:
     layer: bool = False
     averaged: int = 1
     source: Source | None = None
-    starts: tuple[int, ...] = ()
+    every: int = 1
     sha256: str = ""
     path: Path | None = None
 

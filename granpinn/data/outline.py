@@ -14,7 +14,6 @@ import numpy as np
 from granpinn.arrays import Float64, Index
 from granpinn.data.flow import SOLVER_CELL, Flow, FlowFileError, Surface
 from granpinn.data.large import chosen
-from granpinn.data.partial_cells import filled_slabs
 from granpinn.data.walls import parted, segments_of
 
 NO_ROW = -1
@@ -55,8 +54,7 @@ def surface_of(flow: Flow, level: str) -> Surface:
 
 def outline(flow: Flow) -> Surface:
     """The upper edge of the grains, with one point for every time and place along the ground."""
-    rows = [_highest_rows(part) for _, part in filled_slabs(flow)]
-    return _outline_above(np.concatenate(rows), flow)
+    return _outline_above(_highest_rows(flow), flow)
 
 
 def _highest_rows(flow: Flow) -> Index:

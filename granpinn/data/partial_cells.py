@@ -10,7 +10,6 @@ A partly filled cell of a solver is another thing: its velocity is that of a mix
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +17,6 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import SOLVER_CELL, Flow, Surface
-from granpinn.data.large import is_large, slabs, some_frames
 from granpinn.data.surface import folded, line_heights, points_of
 from granpinn.data.walls import Segments, parted, segments_of
 
@@ -41,17 +39,6 @@ def with_partial_cells(flow: Flow) -> Flow:
         below &= ~_behind(flow, segments_of(flow.walls), partial & below)
     c = np.where(partial & below, np.ones_like(flow.c), flow.c)
     return replace(flow, c=c)
-
-
-def filled_slabs(flow: Flow, ahead: int = 0) -> Iterator[tuple[slice, Flow]]:
-    """Slabs of frames and the flow in them; that of a large flow with its partly filled cells.
-
-    Args:
-        ahead: further frames behind the slab.
-    """
-    for k in slabs(flow):
-        part = some_frames(flow, slice(k.start, k.stop + ahead))
-        yield k, with_partial_cells(part) if is_large(flow) else part
 
 
 def _below(flow: Flow, surface: Surface) -> Bool:

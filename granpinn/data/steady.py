@@ -30,7 +30,7 @@ import numpy as np
 
 from granpinn.arrays import Float64, Floats
 from granpinn.data.flow import STEADY, Flow, Surface
-from granpinn.data.large import SLAB_CELLS, spread
+from granpinn.data.large import SLAB_CELLS, thinned
 from granpinn.data.surface import folded, line_heights
 from granpinn.data.symmetry import with_layer
 
@@ -51,9 +51,9 @@ def steady_mean(flow: Flow) -> Flow:
     stated = flow.attributes.get(STEADY)
     if flow.particles is not None or flow.source is not None or stated == 0:
         return flow
-    if flow.t.size > 1 and stated is None and not is_steady(spread(flow)):
+    if flow.t.size > 1 and stated is None and not is_steady(thinned(flow)):
         return flow
-    T, surface, p = flow.t.size, flow.surface, spread(flow).p
+    T, surface, p = flow.t.size, flow.surface, thinned(flow).p
     t = np.array([flow.t.mean()])
     line = None if surface is None else _line(flow, surface, float(t[0]))
     if T == 1:
@@ -79,7 +79,9 @@ def steady_mean(flow: Flow) -> Flow:
 
 
 def said(flow: Flow) -> str | None:
-    """What a mean over time is the mean of, and why, in words."""
+    """Which frames are used, in words: those of a large flow, or the mean over time, and why."""
+    if flow.every > 1:
+        return f"large flow: {flow.t.size} frames are used, one of every {flow.every}"
     if flow.averaged == 1:
         return None
     known = flow.attributes.get(STEADY) == 1

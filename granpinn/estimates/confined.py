@@ -35,7 +35,7 @@ from granpinn.config import Level
 from granpinn.data import Flow, with_partial_cells
 from granpinn.data.outline import outline
 from granpinn.data.walls import Segments, segments_of
-from granpinn.estimates.upright import Upright
+from granpinn.estimates.stress import Upright
 
 # Part of the work that gravity would do if all grains fell, below which it does not drive a flow.
 NO_WORK = 0.02

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
-from typing import TypeVar
 
 import numpy as np
 from scipy.ndimage import correlate1d
@@ -24,15 +23,10 @@ from granpinn.data import Flow
 from granpinn.data.scaling import equation_constants
 from granpinn.physics.scales import Scales
 
-BETWEEN_RUNS = 4
-
 
 @dataclass(frozen=True, eq=False)
 class View:
     """A flow in units of H0 and sqrt(|g| H0).
-
-    Between two runs of frames (`Flow.starts`) lie `BETWEEN_RUNS` frames without vectors, so that no
-    difference and no window of cells joins the end of one run to the start of the next.
 
     Attributes:
         t, y, x: time [T] and cell centers [Y], [X].
@@ -77,40 +71,20 @@ def view_of(flow: Flow, scales: Scales) -> View:
 
     def velocity(values: Float32) -> Float64:
         scaled = scales.to_dimensionless(values.astype(np.float64), "velocity")
-        return _apart(np.where(there, scaled, 0.0), flow.starts)
+        return np.where(there, scaled, 0.0)
 
     return View(
-        t=scales.points_to_dimensionless(x_0, y_0, _times(flow))[:, 2],
+        t=scales.points_to_dimensionless(x_0, y_0, flow.t)[:, 2],
         y=scales.points_to_dimensionless(x_0, flow.y, t_0)[:, 1],
         x=scales.points_to_dimensionless(flow.x, y_0, t_0)[:, 0],
         u=velocity(flow.u),
         v=velocity(flow.v),
-        count=_apart(count, flow.starts),
-        grains=_apart(flow.material, flow.starts),
+        count=count,
+        grains=flow.material,
         gravity=material.gravity,
         d=material.grain_diameter,
         steady=flow.steady,
     )
-
-
-Frames = TypeVar("Frames", Float64, Bool)
-
-
-def _apart(values: Frames, starts: tuple[int, ...]) -> Frames:
-    """Values of frames [T, ...] with zeros between the runs."""
-    if not starts:
-        return values
-    found: Frames = np.insert(values, np.repeat(starts[1:], BETWEEN_RUNS), 0, axis=0)
-    return found
-
-
-def _times(flow: Flow) -> Float64:
-    """Times of the frames of a view, evenly spaced between the runs."""
-    if not flow.starts:
-        return flow.t
-    frames = np.arange(flow.t.size)
-    place = frames + BETWEEN_RUNS * np.searchsorted(flow.starts[1:], frames, side="right")
-    return np.asarray(np.interp(np.arange(place[-1] + 1), place, flow.t))
 
 
 def _counts(flow: Flow) -> Float64:
@@ -129,7 +103,7 @@ def _counts(flow: Flow) -> Float64:
     return np.where(np.isfinite(flow.u), count, 0).astype(np.float64)
 
 
-LARGEST_HALF_WIDTH = BETWEEN_RUNS  # of a window in cells, the same in t, y and x
+LARGEST_HALF_WIDTH = 4  # of a window in cells, the same in t, y and x
 AT_ONCE = 2**18  # windows that are solved at a time
 # The window grows until the error of the shear rate is below this part of its rms.
 WANTED_ERROR = 0.1

@@ -38,7 +38,7 @@ def surface(case: Case) -> Assumption | None:
         seen = case.seen
         flows = [seen, seen]
         if level != "V0" and seen.surface:  # the line decides which partly filled cells count
-            stated = dataclasses.replace(seen, c=case.stated.c)
+            stated = dataclasses.replace(seen, c=case.flow.c)
             for k, higher in enumerate(moved(stated, seen.surface, -sd, sd)):
                 filled = with_partial_cells(dataclasses.replace(stated, surface=higher))
                 flows[k] = dataclasses.replace(seen, c=filled.c)

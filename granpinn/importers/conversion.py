@@ -28,12 +28,11 @@ from granpinn.data.scaling import scales_of
 from granpinn.data.surface import folded
 from granpinn.importers import points
 from granpinn.importers import surface as surfaces
-from granpinn.importers.frame import Frame, frame_of, missing_units
+from granpinn.importers.frame import Frame, calibration, frame_of, missing_units, require_agreement
 from granpinn.importers.grains import FULL, below_line, grains_of, with_mask
 from granpinn.importers.limits import require_room
 from granpinn.importers.series import Source, measured, selected_frames, vectors_of
 from granpinn.importers.settings import SURFACES, Settings, material_of, missing_constants
-from granpinn.importers.statements import calibration, require_agreement
 from granpinn.importers.vectors import GAPS, DataFileError, Validity, VectorFields
 
 ROUNDING = 1e-6  # of times in float32

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from granpinn.data.reader import is_flow_file
+from granpinn.data.flow_file import is_flow_file
 from granpinn.importers import arrays, grids, pivlab_mat, tracks
 from granpinn.importers.columns import head_of
 from granpinn.importers.vectors import DataFileError, VectorFields

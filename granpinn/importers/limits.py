@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from granpinn.data.memory import available
+from granpinn.data.large import available
 from granpinn.foreign import read_foreign
 from granpinn.importers.vectors import DataFileError
 from granpinn.regular import UnsafeFileError, open_regular_file

@@ -18,7 +18,7 @@ import numpy as np
 from granpinn.arrays import Float64, Index
 from granpinn.config import SideWalls
 from granpinn.data import Flow, FlowFileError, FlowFileWarning
-from granpinn.data.large import runs, slabs
+from granpinn.data.large import slabs, thinned
 from granpinn.data.scaling import initial_height, scales_of
 from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer, words
@@ -109,19 +109,15 @@ class Inspection:
             self.records[check.name] = made
 
     @cached_property
-    def whole(self) -> Flow:
-        """The flow as it trains: a steady one is its mean over time (data/steady.py)."""
-        return steady_mean(self.filmed)
-
-    @cached_property
     def flow(self) -> Flow:
-        """The flow that is measured: runs of frames of a large flow, else all of it."""
-        return runs(self.whole)
+        """The flow as it trains: a steady one is its mean over time (data/steady.py), and a large
+        one has fewer frames."""
+        return thinned(steady_mean(self.filmed))
 
     @cached_property
     def scales(self) -> Scales:
-        """Of the whole flow."""
-        return scales_of(self.whole)
+        """Of the flow."""
+        return scales_of(self.flow)
 
     @cached_property
     def facts(self) -> Facts:

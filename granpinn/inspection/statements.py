@@ -29,7 +29,7 @@ import numpy as np
 from granpinn.arrays import Float64, Floats
 from granpinn.data import Flow, known_sd
 from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
-from granpinn.data.large import spread
+from granpinn.data.large import thinned
 from granpinn.data.scaling import initial_height
 from granpinn.estimates.lattice import ROUNDING, lattice_step
 from granpinn.inspection import Inspection, digits
@@ -114,7 +114,7 @@ def _lengths(flow: Flow) -> list[Reason]:
 
 
 def _errors(flow: Flow, speeds: Float64) -> list[Reason]:
-    sd, fastest = known_sd(spread(flow)), float(speeds.max(initial=0.0))
+    sd, fastest = known_sd(thinned(flow)), float(speeds.max(initial=0.0))
     if sd == 0 or fastest == 0 or EXACT * fastest <= sd <= fastest:
         return []
     size = "larger than" if sd > fastest else f"{sd / fastest:.1g} of"
@@ -216,7 +216,7 @@ def _vectors(flow: Flow) -> tuple[Floats, Floats]:
     if flow.particles is not None:
         later = flow.after_start(flow.particles.t)
         return flow.particles.u[later], flow.particles.v[later]
-    some = spread(flow)
+    some = thinned(flow)
     there = some.valid & some.after_start(some.t)[:, None, None]
     return some.u[there], some.v[there]
 

@@ -42,7 +42,7 @@ def expected_of(facts: Facts, level: str, of_solver: bool) -> Known | None:
     return _of_range(I_range, not of_solver)._replace(
         misfit=noise,
         noise=noise,
-        vectors=facts.independent(),
+        vectors=facts.independent,
         outline=level == "V0",
         uniform=facts.invariant[0],
     )

@@ -58,8 +58,6 @@ def test_the_lowest_row_has_no_points_above_it() -> None:
     removed = np.argwhere(grains.material & ~above_ground(grains))
     assert set(removed[:, 1]) == {2}
     assert len(removed) == c.sum() / 20
-    # In another part of the flow, counted from the ground: two rows below the grains.
-    assert np.array_equal(above_ground(grains, 0), grains.material)
 
 
 def test_pooled_weights_keep_the_mean_over_the_data() -> None:

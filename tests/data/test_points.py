@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.data import Flow, FlowFileError, large, training_set
+from granpinn.data import Flow, FlowFileError, training_set
 from granpinn.data.outline import outline
 from granpinn.data.scaling import RESOLUTION, scales_of
 from tests.flows import make_flow
@@ -115,16 +115,6 @@ def test_grains_end_half_a_cell_of_the_solver_higher() -> None:
     assert abs(off.mean()) < 0.05 * spacing
     assert np.mean(cell.y - none.y) == pytest.approx(0.5 * (1 + slope), rel=0.05)
     np.testing.assert_allclose(most.y - none.y, spacing * (cell.y - none.y))
-
-
-def test_the_outline_is_the_same_slab_by_slab(monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = outline(FLOW)
-    monkeypatch.setattr(large, "MOST_CELLS", FLOW.c[0].size)
-    monkeypatch.setattr(large, "SLAB_CELLS", 2 * FLOW.c[0].size)
-    assert len(large.slabs(FLOW)) > 2
-    found = outline(FLOW)
-    for name in ("t", "x", "y"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
 
 
 def test_pressure_at_v2_only_and_dimensionless() -> None:
