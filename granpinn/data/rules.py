@@ -42,13 +42,8 @@ from granpinn.data.walls import segments_of
 from granpinn.declared import checked
 
 LONGEST_UNIT = 64  # characters
-# Lengths that mean something for the training, and others that second opinions take as sizes.
-LENGTHS = (WALL_GAP, SURFACE_SD, PERIOD_X, WINDOW)
-STATED = (
-    *("box_width", "box_height", "domain_size", "column_width", "column_height"),
-    *(SOLVER_CELL, SOLVER_MEAN, "air_density", "air_viscosity", "cohesion"),
-)
-MAY_BE_ZERO = (SURFACE_SD, *STATED)
+LENGTHS = (WALL_GAP, SURFACE_SD, PERIOD_X, WINDOW, SOLVER_CELL, SOLVER_MEAN)
+MAY_BE_ZERO = (SURFACE_SD, SOLVER_CELL, SOLVER_MEAN)
 # Largest rounding of a coordinate, in units of its smallest step.
 LARGEST_ROUNDING = 0.01
 # Largest distance of surface points from the cell centers: part of their extent, or cells.
@@ -115,13 +110,13 @@ def _check_constants(flow: Flow) -> None:
                 f"the attribute {name!r} must be one number or text under a plain name, got "
                 f"{type(value).__name__}: change it or leave it out"
             )
-    for name in {*LENGTHS, *STATED} & flow.attributes.keys():
+    for name in {*LENGTHS} & flow.attributes.keys():
         value = flow.attributes[name]
-        if isinstance(value, str) and name in LENGTHS:
+        if isinstance(value, str):
             raise FlowFileError(
                 f"the attribute {name} must be a length, got {value!r}: correct it or leave it out"
             )
-        if not isinstance(value, str) and not (value == 0 and name in MAY_BE_ZERO):
+        if not (value == 0 and name in MAY_BE_ZERO):
             check_range(f"the attribute {name}", value, LEAST, LARGEST)
     steady = flow.attributes.get(STEADY, 0)
     if steady not in (0, 1):
@@ -275,17 +270,11 @@ def _check_sigma(flow: Flow) -> None:
 
 
 def _check_surface(flow: Flow, surface: Surface) -> None:
-    """The line lies within the grid, in numbers as precise as its steps."""
+    """The line lies within the grid."""
     for name in ("t", "x", "y"):
         values, grid = getattr(surface, name), getattr(flow, name)
         if name == "t" and flow.steady:
             continue
-        step, far = float(np.diff(grid).min()), float(np.abs(values).max())
-        if far * 2.0**-23 > step and np.array_equal(values, values.astype(np.float32)):
-            raise FlowFileError(
-                f"surface_{name} must be as precise as {name}, got numbers of float32 around "
-                f"{far:g} for steps of {step:g}: store surface_{name} as float64"
-            )
         cell = float(np.median(np.diff(grid)))
         margin = max(SURFACE_MARGIN * (grid[-1] - grid[0]), SURFACE_CELLS * cell)
         _check_within(f"surface_{name}", values, name, grid, margin)

@@ -32,6 +32,10 @@ class FilmSettings(Settings):
             "help": "region of interest in px from the upper left corner, LEFT:RIGHT,TOP:BOTTOM",
         },
     )
+    mask: str | None = field(
+        default=None,
+        metadata={"group": "files", "help": "image that is black where no grains may be seen"},
+    )
 
 
 SETTINGS = {name: s for name, s in settings_of(FilmSettings).items() if name not in WITHOUT}

@@ -29,7 +29,6 @@ from granpinn.data.surface import folded
 from granpinn.importers import points
 from granpinn.importers import surface as surfaces
 from granpinn.importers.frame import Frame, calibration, frame_of, missing_units, require_agreement
-from granpinn.importers.grains import FULL, below_line, grains_of, with_mask
 from granpinn.importers.limits import require_room
 from granpinn.importers.series import Source, measured, selected_frames, vectors_of
 from granpinn.importers.settings import SURFACES, Settings, material_of, missing_constants
@@ -70,8 +69,6 @@ def convert(
     if missing:
         raise DataFileError(f"missing: {'; '.join(missing)}")
     constants, lengths = material_of(settings)
-    if settings.mask is not None:
-        fields = with_mask(fields, settings.mask, settings.length_unit or fields.length_unit)
     frame = frame_of(fields, settings)
     require_agreement(whole, settings, frame)
     si = frame.apply(fields)
@@ -88,11 +85,11 @@ def convert(
     flow = make(si, settings, frame, given, constants)
     for text in _summary(flow):
         tell(text)
-    inferred = fields.facts.get("mask") == GAPS and settings.mask is None and fields.c is None
+    inferred = fields.facts.get("mask") == GAPS and fields.c is None
     if inferred and given is None and flow.surface is not None:
         tell(
             "the files do not say what is masked: the free surface is the edge of the vectors; "
-            "give --mask or --surface if the PIV program lost vectors there"
+            "give --surface if the PIV program lost vectors there"
         )
     return flow
 
@@ -110,15 +107,15 @@ def grid_flow(
         line: points of the free surface that were given.
         constants: other fields of Flow.
     """
-    c, source = grains_of(fields)
+    c, source = surfaces.grains_of(fields)
     surface, wanted = line, settings.surface
     if line is not None and source == "vectors":
         if folded(fields.t, fields.x, line).any():
             _warn(
                 "the line of --surface is vertical or folds back, so that it does not say alone "
-                "which cells hold grains there: give --mask"
+                "which cells hold grains there: draw a mask in the PIV program"
             )
-        c = np.where(below_line(fields, line), 1.0, 0.0)
+        c = np.where(surfaces.below_line(fields, line), 1.0, 0.0)
     elif line is None and wanted == "auto" and source == "vectors":
         _warn_of_no_surface("there is neither a mask nor a fraction field")
     elif line is None and wanted != "none":
@@ -163,12 +160,10 @@ def scattered_flow(
     """The flow of scattered vectors; arguments as in `grid_flow`."""
     usable = fields.usable
     if fields.c is not None:
-        usable = usable & (fields.c > 1 - FULL)
+        usable = usable & (fields.c > 1 - surfaces.FULL)
     _require_frames(np.unique(fields.t[usable]).size, settings)
     surface, wanted = line, settings.surface
-    if surface is None and wanted == "auto" and fields.c is not None:
-        surface = surfaces.from_scattered(fields)
-    elif surface is None and wanted == "auto":
+    if surface is None and wanted == "auto" and fields.c is None:
         t, x, y = (getattr(fields, name)[usable] for name in ("t", "x", "y"))
         traced = surfaces.surface_of_grains(t, x, y, constants["grain_diameter"], frame.gravity)
         if traced is not None:
@@ -234,7 +229,7 @@ def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool
 
 def _warn_of_no_surface(why: str) -> None:
     _warn(
-        f"the free surface is not known, as {why}: train with --level V0, or give --mask or "
+        f"the free surface is not known, as {why}: train with --level V0, or give "
         "--surface with the points of a line"
     )
 

@@ -31,11 +31,9 @@ class Format:
 TRACKS = "tracks"
 # Strict tests come before weak ones.
 FORMATS = {
-    "pivlab-mat": Format(
-        "PIVlab .mat: frame, all frames or session", pivlab_mat.sniff, pivlab_mat.read
-    ),
+    "pivlab-mat": Format("PIVlab .mat: frame or all frames", pivlab_mat.sniff, pivlab_mat.read),
     TRACKS: Format(
-        "tracks of particles, a table: trackpy, TrackMate, TracTrac, opyf",
+        "tracks of particles, a table: trackpy, TrackMate, TracTrac",
         tracks.sniff,
         tracks.read,
     ),

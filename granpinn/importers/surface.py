@@ -1,4 +1,7 @@
-"""Points of the free surface, from the volume fraction or from the density of tracked grains.
+"""The grains and their free surface.
+
+**Grains.** The source of the volume fraction is a fraction field, else a mask, else the cells with
+vectors. The surface follows from it, or from the density of tracked grains.
 
 **Fraction.** Between the centers of two neighboring cells, one in the grains and one outside, the
 surface lies where c = 1/2 by linear interpolation; for a mask, half way. Some edges of a mask are
@@ -20,13 +23,13 @@ import math
 import numpy as np
 from scipy.ndimage import binary_erosion, binary_fill_holes, gaussian_filter, label
 
-from granpinn.arrays import Float64
+from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Surface
-from granpinn.importers.vectors import VectorFields
+from granpinn.importers.vectors import Validity, VectorFields, grains_around
 
 HALF = 0.5
 _UPWARDS = 0.5  # cosine of the angle to the vertical
-NEAR = 0.1  # of 1/2: scattered cells that the surface cuts through
+FULL = 1e-6  # solvers fill cells up to rounding
 CELL = 0.5  # of the grid, in h
 # Lost grains leave holes that a kernel of one diameter would show: h grows with the distance of
 # neighbors, to twice that distance.
@@ -79,14 +82,30 @@ def from_fraction(
     return Surface(t=found[0], x=found[1], y=found[2])
 
 
-def from_scattered(fields: VectorFields) -> Surface | None:
-    """Points of scattered cells that are about half full."""
-    if fields.c is None:
-        return None
-    near = np.abs(fields.c - HALF) < NEAR
-    if not near.any():
-        return None
-    return Surface(t=fields.t[near], x=fields.x[near], y=fields.y[near])
+def grains_of(fields: VectorFields) -> tuple[Float64, str]:
+    """Volume fraction [T, Y, X] of vectors on a grid, and where it comes from."""
+    if fields.c is not None:
+        c = np.clip(np.nan_to_num(fields.c), 0.0, 1.0)  # NaN: no grains; beyond 0 and 1: rounding
+        c[c > 1 - FULL] = 1.0
+        c[fields.validity == Validity.MASKED] = 0.0
+        return c, "fraction"
+    masked = fields.validity == Validity.MASKED
+    if masked.any():
+        return (~masked).astype(np.float64), "mask"
+    c = np.stack([grains_around(frame) for frame in fields.usable]).astype(np.float64)
+    return c, "vectors"
+
+
+def below_line(fields: VectorFields, line: Surface) -> Bool:
+    """Cells [T, Y, X] below a line of points; each frame has the points nearest in time."""
+    inside = np.zeros(fields.u.shape, bool)
+    times = np.unique(line.t)
+    for k, now in enumerate(fields.t):
+        near = np.flatnonzero(line.t == times[np.argmin(np.abs(times - now))])
+        near = near[np.argsort(line.x[near], kind="stable")]
+        height = np.interp(fields.x, line.x[near], line.y[near], -np.inf, -np.inf)
+        inside[k] = fields.y[:, None] <= height
+    return inside
 
 
 def surface_of_grains(

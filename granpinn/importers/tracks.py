@@ -7,8 +7,7 @@ Columns by name, in any order, units in brackets if at all, such as `x [mm]`:
 - or u, v (also vx, vy): velocities of the tracking program, with sigma_u, sigma_v;
 - ep: trackpy's uncertainty of the position.
 
-trackpy counts in pixels and frames, with y down, and so does opyf (N, X, Y, Ux, Uy), with one file
-for every frame. In TrackMate's tables y is down in any unit.
+trackpy counts in pixels and frames, with y down. In TrackMate's tables y is down in any unit.
 
 Velocities of tracks come from parabolas $x(\tau) = a + b \tau + c \tau^2$ through the positions
 within a window of frames around each; $a$ is the position and $b$ the velocity. With the standard
@@ -46,7 +45,6 @@ from granpinn.importers.vectors import (
     vector_fields,
 )
 
-_OPYF = {"n", "x", "y", "ux", "uy"}  # of one frame, in pixels, y down
 _TRACKPY = {"mass", "ecc", "raw_mass", "signal", "size"}
 ORDER = 2
 MAX_WINDOW = 501  # frames
@@ -55,14 +53,14 @@ _SMALLEST_SIGMA = 1e-12  # of the velocities: exact tracks have no scatter
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Names of x, y and frame or t, or opyf's, above numbers."""
+    """Names of x, y and frame or t above numbers."""
     lines = lines_of(head)
     if lines[0].lstrip("# ").startswith(PIVLAB):
         return False
     named = layout_of(lines, NAMES, ("x", "y")).named
     names = {column.name for column in named}
     x, y, frame, t = (names.intersection(NAMES[role]) for role in ("x", "y", "frame", "t"))
-    return bool(x and y and (frame or t)) or names == _OPYF
+    return bool(x and y and (frame or t))
 
 
 def read(path: Path, window: int) -> VectorFields:
@@ -74,19 +72,14 @@ def read(path: Path, window: int) -> VectorFields:
     table = read_headed(path, ("x", "y"))
     found, stated = table.columns, table.units
     names = {column.name for column in table.named}
-    opyf = names == _OPYF
-    if opyf:  # one frame each
-        found = found | {"frame": np.zeros_like(found["x"])}
     missing = [] if {"frame", "t"} & found.keys() else ["frame (or t)"]
     missing += [] if "particle" in found or {"u", "v"} <= found.keys() else ["particle (or u, v)"]
     require(path, table.named, missing)
-    image = opyf or len(_TRACKPY & names) >= 2
+    image = len(_TRACKPY & names) >= 2
     down = image or "position_x" in names
     require_finite(path, found, nan=True)
     if image and not stated.keys() & GROUPS["length_unit"]:
         stated = stated | {"x": "px"}
-    if opyf and not stated.keys() & GROUPS["velocity_unit"]:
-        stated = stated | {"u": "px/frame"}
     units, facts = units_of(path, stated), {}
     timed = "t" in found
     units["time_unit"] = units["time_unit"] if timed else "frame"

@@ -137,12 +137,9 @@ class VectorFields:
         c = self.c[~np.isnan(self.c) & (self.validity != Validity.MASKED)]
         low, high = float(c.min(initial=0.0)), float(c.max(initial=0.0))
         if low < -FRACTION_TOLERANCE or high > 1 + FRACTION_TOLERANCE:
-            likely = {1.5: "values beyond 0 and 1 that a solver made, cut them off there"}
-            likely |= {100.5: "per cent, divide by 100", 255.5: "grey levels, divide by 255"}
-            cause = next((text for most, text in likely.items() if high < most), "another field")
             raise DataFileError(
-                f"c must be a volume fraction from 0 to 1, got {low:g} to {high:g}: these may be "
-                f"{cause}"
+                f"c must be a volume fraction from 0 to 1, got {low:g} to {high:g}: divide per "
+                "cent by 100, grey levels by 255, and cut off what a solver makes beyond 0 and 1"
             )
 
     @property

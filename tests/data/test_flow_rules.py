@@ -58,11 +58,6 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
     "subnormal density": ({"density": 5e-324}, "density must be from 1e-30 to 1e+30, got"),
     "huge density": ({"density": 1e308}, "density must be from 1e-30 to 1e+30, got"),
     "huge gravity": ({"gravity": (0.0, -1e308)}, "gravity must be two finite numbers"),
-    "huge box": ({"attributes": {"box_height": 1e308}}, "the attribute box_height must be from"),
-    "grain larger than its column": (
-        {"grain_diameter": 2.5},
-        "grain_diameter must be smaller than the height of the grains in the first frame",
-    ),
     "long unit": ({"length_unit": "m" * 65}, "length_unit must be the name of a unit, 1 to 64"),
     "empty unit": ({"time_unit": ""}, "time_unit must be the name of a unit, 1 to 64"),
     "u as integers": (

@@ -103,22 +103,17 @@ def test_headers_that_do_not_name_the_columns_are_refused(
         read_vectors(scene.write_lines(path, [first, second, head, *rows]))
 
 
-@pytest.mark.parametrize(
-    ("scale", "offset", "cause"),
-    [(100, 0, "per cent"), (255, 0, "grey levels"), (1.01, 0, "solver"), (1, -1.2, "solver")],
-)
-def test_a_fraction_beyond_0_and_1_is_refused(
-    tmp_path: Path, scale: float, offset: float, cause: str
-) -> None:
+@pytest.mark.parametrize(("scale", "offset"), [(100, 0), (255, 0), (1.01, 0), (1, -1.2)])
+def test_a_fraction_beyond_0_and_1_is_refused(tmp_path: Path, scale: float, offset: float) -> None:
     given = arrays()
     c = given["c"] * scale + offset
-    with pytest.raises(DataFileError, match=f"c must be a volume fraction from 0 to 1.*{cause}"):
+    with pytest.raises(DataFileError, match="c must be a volume fraction from 0 to 1"):
         granpinn.flow(**given | {"c": c}, **UNITS, **MATERIAL)
     path = basilisk(tmp_path / "a.txt")
     rows = path.read_text().splitlines()
     cells = [row.split() for row in rows[1:]]
     changed = [[*r[:2], str(float(r[2]) * scale + offset), *r[3:]] if r else r for r in cells]
-    with pytest.raises(DataFileError, match=f"c must be a volume fraction.*{cause}"):
+    with pytest.raises(DataFileError, match="c must be a volume fraction"):
         read_vectors(scene.write_lines(path, [rows[0], *map(" ".join, changed)]))
 
 
