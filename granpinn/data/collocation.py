@@ -69,20 +69,17 @@ def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float
 
 
 def _cut(flow: Flow, segments: Segments) -> Bool:
-    """Cells between the grid points through which a wall passes: [T - 1, Y - 1, X - 1].
+    """Cells between the grid points through which a wall passes: [Y - 1, X - 1].
 
-    A wall that passes through a cell separates two of its corners. In a flow of one frame the first
-    axis has one element.
+    A wall that passes through a cell separates two of its corners.
     """
     y, x = np.meshgrid(flow.y, flow.x, indexing="ij")
     place = np.stack([x, y], -1)
     shape = len(y) - 1, x.shape[1] - 1
     corners = [place[a:, b:][: shape[0], : shape[1]] for a in (0, 1) for b in (0, 1)]
     pairs = [(a.reshape(-1, 2), b.reshape(-1, 2)) for a, b in combinations(corners, 2)]
-    cut = np.empty((flow.t.size, *shape), bool)
-    for k, there in segments.spells(flow.t):
-        cut[k] = np.any([crossed(a, b, there) for a, b in pairs], axis=0).reshape(shape)
-    return cut if len(cut) == 1 else cut[1:] | cut[:-1]
+    cut = np.any([crossed(a, b, segments) for a, b in pairs], axis=0)
+    return np.asarray(cut.reshape(shape))
 
 
 def lie_between(flow: Flow, grains: Bool, x: Float64, y: Float64, t: Float64) -> Bool:
@@ -220,4 +217,4 @@ def _hidden(
         return scales.points_to_physical(np.stack([x, y, surface[:, 2]], 1))
 
     start, end = in_file(surface[:, :2]), in_file(nearest)
-    return parted(start[:, :2], end[:, :2], start[:, 2], segments)
+    return parted(start[:, :2], end[:, :2], segments)

@@ -64,8 +64,6 @@ class Walls:
 
     Attributes:
         x, y: positions [m].
-        t: times [m], the same in all of a piece; NaN or None: the piece is there at all times.
-            At a time, of the pieces with a time those of the nearest time are there.
         u, v: velocity of the wall at its points [m], None = at rest.
         slip: [m], 0 where grains move with the wall, 1 where none flow through it and nothing more
             is known; None = 1.
@@ -74,7 +72,6 @@ class Walls:
 
     x: Float64
     y: Float64
-    t: Float64 | None = None
     u: Float64 | None = None
     v: Float64 | None = None
     slip: Float32 | None = None

@@ -71,7 +71,7 @@ def _highest_rows(flow: Flow) -> Index:
     frame, place = np.nonzero(rows != NO_ROW)
     k, x, segments = rows[frame, place], flow.x[place], segments_of(flow.walls)
     low, high = (np.stack((x, h), 1) for h in (y[k], 2 * y[k + 1] - y[k]))
-    covered = parted(low, high, flow.t[frame], segments)
+    covered = parted(low, high, segments)
     rows[frame[covered], place[covered]] = NO_ROW
     return rows
 

@@ -78,7 +78,7 @@ def _behind(flow: Flow, segments: Segments, partial: Bool) -> Bool:
         if len(full):
             nearest[own] = full[cKDTree(full).query(here[own])[1]]
     behind = np.zeros_like(partial)
-    behind[cells] = parted(here, nearest, flow.t[frame], segments)
+    behind[cells] = parted(here, nearest, segments)
     return behind
 
 

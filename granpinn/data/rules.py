@@ -315,7 +315,6 @@ def _check_walls(flow: Flow, walls: Walls) -> None:
             "wall_slip must be 0 where grains move with the wall and 1 where they may slip along "
             f"it, got {wrong:g}: correct it"
         )
-    _check_times(flow, walls, parts)
     _check_length(flow, walls)
 
 
@@ -334,33 +333,11 @@ def _check_pieces(parts: Bool, place: Float64) -> None:
 
 def _check_length(flow: Flow, walls: Walls) -> None:
     """Every spacing of a wall becomes a point of the training, in every frame."""
-    segments = segments_of(walls)
-    stays = np.isnan(segments.t)
-    _, number = np.unique(segments.t[~stays], return_inverse=True)
-    moving = np.bincount(number, segments.length[~stays], minlength=1)
-    longest = float(segments.length[stays].sum() + moving.max())
+    length = float(segments_of(walls).length.sum())
     spacing = max(flow.spacing)
-    if longest > MOST_WALL_POINTS * spacing:
+    if length > MOST_WALL_POINTS * spacing:
         raise FlowFileError(
             f"wall_x and wall_y must be lines of at most {MOST_WALL_POINTS} times the grid spacing "
-            f"{spacing:g} at any one time, all together, got {longest:g}: leave out what no grains "
+            f"{spacing:g}, all together, got {length:g}: leave out what no grains "
             "touch, and lines that go to and fro"
         )
-
-
-def _check_times(flow: Flow, walls: Walls, parts: Bool) -> None:
-    """A piece has one time, or none; times lie near those of the flow."""
-    if walls.t is None:
-        return
-    t = walls.t
-    inside = ~parts[1:] & ~parts[:-1]
-    same = (t[1:] == t[:-1]) | (np.isnan(t[1:]) & np.isnan(t[:-1]))
-    if (inside & ~same).any():
-        k = int(np.argmax(inside & ~same))
-        raise FlowFileError(
-            f"wall_t must be the same at all points of a piece, got {t[k]:g} then {t[k + 1]:g} at "
-            f"index {k}: put NaN into wall_x and wall_y between pieces of different times"
-        )
-    known = t[~parts & ~np.isnan(t)]
-    if known.size and not flow.steady:
-        _check_within("wall_t", known, "t", flow.t, float(flow.t[-1] - flow.t[0]))

@@ -102,7 +102,6 @@ SURFACE_DATASETS = (
 WALL_DATASETS = (
     DatasetRule("wall_x", _WALL, _DOUBLE, "float64", "length", gaps=True),
     DatasetRule("wall_y", _WALL, _DOUBLE, "float64", "length", gaps=True),
-    DatasetRule("wall_t", _WALL, _DOUBLE, "float64", "time", gaps=True),
     DatasetRule("wall_u", _WALL, _BOTH, "float64", "velocity"),
     DatasetRule("wall_v", _WALL, _BOTH, "float64", "velocity"),
     DatasetRule("wall_slip", _WALL, _BOTH, "float32", "fraction", low=0, high=1),

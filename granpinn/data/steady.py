@@ -91,8 +91,7 @@ def said(flow: Flow) -> str | None:
 
 def is_steady(flow: Flow) -> bool:
     """Whether the frames of a flow show one flow, as far as its data can tell (see the top)."""
-    walls_move = flow.walls is not None and flow.walls.t is not None
-    if flow.t.size < PARTS or walls_move or not _surface_stays(flow):
+    if flow.t.size < PARTS or not _surface_stays(flow):
         return False
     speed, rms = _speeds(flow)
     parts = np.array_split(speed, PARTS)

@@ -64,15 +64,14 @@ class Touch(NamedTuple):
 
 def _touch(flow: Flow, segments: Segments) -> Touch:
     """The points of walls that grains touch, at the times of all frames."""
-    frames, parts = np.flatnonzero(flow.after_start(flow.t)), []
-    for k, there in segments.spells(flow.t[frames]):
-        blocks = np.split(frames[k], range(AT_ONCE, k.size, AT_ONCE))
-        parts += [_touch_in(flow, block, there, max(flow.spacing)) for block in blocks]
+    frames = np.flatnonzero(flow.after_start(flow.t))
+    blocks = np.split(frames, range(AT_ONCE, frames.size, AT_ONCE))
+    parts = [_touch_in(flow, block, segments, max(flow.spacing)) for block in blocks]
     return Touch(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def _touch_in(flow: Flow, frames: Index, segments: Segments, spacing: float) -> Touch:
-    """The points at some frames, at which the same segments are there."""
+    """The points at some frames."""
     k, part = samples(segments, spacing)
     every = _between(segments.ends[k], part)
     rows = [_neighbors(flow, frame, every, REACH * spacing) for frame in frames]

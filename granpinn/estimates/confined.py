@@ -96,8 +96,7 @@ def hanging(flow: Flow, pose: Upright) -> str | None:
     walls = segments_of(flow.walls)
     names = walls.names()
     frame = int(np.argmax(np.isfinite(pose.height).sum(axis=1)))
-    ((_, there),) = walls.spells(flow.t[frame : frame + 1])
-    share, pair = _shares(pose, frame, there)
+    share, pair = _shares(pose, frame, walls)
     if share.size == 0 or np.percentile(share, DEEP) <= LARGEST_SHARE:
         return None
     left, right = (names[wall] for wall in pair[int(np.argmax(share))])

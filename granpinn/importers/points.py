@@ -26,7 +26,7 @@ DIMENSIONS = {
     **dict.fromkeys(("u", "v"), "velocity"),
     "p": "pressure",
 }
-WALL_COLUMNS = {name: NAMES.get(name, (name,)) for name in (*DIMENSIONS, "t", "slip")}
+WALL_COLUMNS = {name: NAMES.get(name, (name,)) for name in (*DIMENSIONS, "slip")}
 
 
 def read_surface(path: Path, frame: Frame) -> Surface:
@@ -43,7 +43,7 @@ def read_surface(path: Path, frame: Frame) -> Surface:
 def read_walls(path: Path, frame: Frame) -> Walls:
     """The walls of a table with the columns x, y of points in order, nan between two pieces.
 
-    Further columns are t, u, v, slip and p.
+    Further columns are u, v, slip and p.
 
     Raises:
         DataFileError: the file is no such table.
@@ -52,7 +52,7 @@ def read_walls(path: Path, frame: Frame) -> Walls:
     if len(table.columns) < len(table.named):
         names = ", ".join(column.name for column in table.named)
         raise DataFileError(
-            f"{path} must have a first line with the columns x, y and any of t, u, v, slip and "
+            f"{path} must have a first line with the columns x, y and any of u, v, slip and "
             f"p, got {names[:60]}: leave out the other columns"
         )
     require_finite(path, table.columns, nan=True)

@@ -148,8 +148,8 @@ class Settings:
     )
     walls: str | None = setting(
         None,
-        "CSV file of walls: columns x, y of points in order, nan between two pieces; if known t, "
-        "u, v (motion of the wall), slip (0: grains move with the wall, 1: not), p "
+        "CSV file of walls: columns x, y of points in order, nan between two pieces; if known u, "
+        "v (motion of the wall), slip (0: grains move with the wall, 1: not), p "
         "(normal stress)",
         group="grains",
     )

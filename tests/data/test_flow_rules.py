@@ -163,8 +163,6 @@ WALLS: dict[str, tuple[Walls, str]] = {
         "wall_p must be from 0 to 1e+30, or NaN",
     ),
     "signed": (replace(FLOOR, p=single(1, -1)), "wall_p must be from 0 to 1e+30, or NaN"),
-    "two times": (replace(FLOOR, t=np.array([0.1, 0.2])), "wall_t must be the same at all points"),
-    "late": (replace(FLOOR, t=full(9.0)), "wall_t must lie within t"),
     "rounded": (replace(FLOOR, x=single(0, 2)), "wall_x must be float64 [m], got float32"),
 }
 RULES |= {f"walls: {name}": ({"walls": walls}, text) for name, (walls, text) in WALLS.items()}

@@ -33,7 +33,6 @@ def single(*values: float) -> Any:
 
 EVERYTHING = replace(
     TWO,
-    t=np.array([NAN, NAN, NAN, 0.5, 0.5]),
     u=np.array([1.0, 1.0, NAN, 0, 1 / 3]),
     v=np.zeros(5),
     slip=single(0, 0, NAN, 1, 1),
