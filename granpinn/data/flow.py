@@ -118,7 +118,7 @@ class Flow:
         t, y, x: time [T] and cell centers [Y], [X]; x to the right, y up.
         u, v: velocity [T, Y, X], float32 or float64; NaN where there is no valid vector, never 0.
         c: volume fraction of grains [T, Y, X], 0 to 1; data points are those with c = 1,
-            and in training partly filled ones under the surface (`partial_cells.py`).
+            and in training partly filled ones under the surface (`outline.py`).
         gravity: (g_x, g_y).
         density: bulk density of the grains, for the momentum equation.
         grain_diameter: mean diameter d of the grains.

@@ -10,8 +10,7 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 from granpinn.data.flow import WALL_GAP
-from granpinn.data.outline import surface_of
-from granpinn.data.partial_cells import with_partial_cells
+from granpinn.data.outline import surface_of, with_partial_cells
 from granpinn.data.surface import moved
 from granpinn.fit.case import Case, with_variants
 from granpinn.results.records import Assumed

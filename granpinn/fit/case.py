@@ -30,8 +30,7 @@ from granpinn.data.scaling import scales_of
 from granpinn.data.steady import said
 from granpinn.data.surface import surface_sd
 from granpinn.data.walls import segments_of
-from granpinn.estimates.facts import Facts
-from granpinn.estimates.inertia import inertial_numbers
+from granpinn.estimates.facts import Facts, inertial_numbers
 from granpinn.inspection import refuse_slips
 from granpinn.inspection.momentum_balance import Baseline, baseline
 from granpinn.kernels.network import NetworkSpec

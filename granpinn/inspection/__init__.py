@@ -24,8 +24,7 @@ from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer, words
 from granpinn.estimates import confined
 from granpinn.estimates.body import Body, body_of
-from granpinn.estimates.facts import Facts
-from granpinn.estimates.inertia import InertialNumbers, inertial_numbers
+from granpinn.estimates.facts import Facts, InertialNumbers, inertial_numbers
 from granpinn.physics.law_values import CompleteLaw
 from granpinn.physics.scales import Scales
 from granpinn.results import plain

@@ -23,7 +23,7 @@ I_EDGES = np.logspace(-4, 1, 51)  # of the figure
 
 @dataclass(frozen=True)
 class InertialRange(Record):
-    """With the pressure of estimates/inertia.py.
+    """With the pressure of estimates/facts.py.
 
     Attributes:
         q05, q50, q95, q99: quantiles.
