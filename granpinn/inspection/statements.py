@@ -6,7 +6,6 @@ The bounds are wide: no sound file of any study comes near them.
 - A cell or an averaging length of the solver, and the error of the surface line, are small parts of
   the height of the grains. Side walls are at least a grain apart.
 - A measured velocity has an error between 1e-6 times the largest speed and that speed.
-- A pressure or a stress is at most some times the weight of the grains.
 - Vectors are multiples of one number only where a program has rounded them.
 - Vectors are seldom exactly zero; programs write 0 where they find no vector.
 - A steady layer that is the same at every x flows under a free surface only down a slope.
@@ -45,10 +44,8 @@ MONOLAYER = 0.9  # distance of side walls over the grain diameter
 LONG = 1000.0  # period over the width of the grid
 MOST_ZEROS = 0.005  # share of the vectors after the start that are exactly zero
 EXACT = 1e-6  # error of a velocity over the largest speed
-HEAVY, TOO_HEAVY = 1e3, 1e6  # stress over the weight of the grains
 LEVEL = 0.01  # component of gravity along x, over gravity
 ONE_WAY = 0.5  # mean velocity over mean speed
-FEWEST = 5  # columns of grains that a line of one column cannot cover
 
 
 @dataclass(frozen=True)
@@ -64,9 +61,8 @@ class Statements(Record):
 def make(inspection: Inspection) -> Statements:
     flow, speeds = inspection.filmed, inspection.speeds
     u, v = _vectors(flow)
-    found = [*_sizes(flow), *_lengths(flow), *_errors(flow, speeds), *_line(flow)]
-    found += [*_stresses(flow), *_level(flow, u, speeds), *_alike(u, v), *_zeros(u, v)]
-    return Statements((*found, *_locked(flow, speeds)))
+    found = [*_sizes(flow), *_lengths(flow), *_errors(flow, speeds), *_level(flow, u, speeds)]
+    return Statements((*found, *_zeros(u, v), *_locked(flow, speeds)))
 
 
 def _sizes(flow: Flow) -> list[Reason]:
@@ -125,36 +121,6 @@ def _errors(flow: Flow, speeds: Float64) -> list[Reason]:
     return [Reason(UNUSUAL, text)]
 
 
-def _line(flow: Flow) -> list[Reason]:
-    if flow.surface is None:
-        return []
-    place = flow.surface.x
-    columns = int((flow.c[0] >= 1).any(axis=0).sum())
-    if columns < FEWEST or np.ptp(place) >= flow.spacing[0]:
-        return []
-    text = (
-        f"all points of the free surface lie within one of {columns} columns of grains, at x = "
-        f"{place[0]:.4g}: give the line from end to end"
-    )
-    return [Reason(IMPROBABLE, text)]
-
-
-def _stresses(flow: Flow) -> list[Reason]:
-    weight = flow.density * math.hypot(*flow.gravity) * initial_height(flow)
-    parts = {
-        "surface_p": None if flow.surface is None else flow.surface.p,
-        "wall_p": None if flow.walls is None else flow.walls.p,
-    }
-    found = []
-    for name, values in parts.items():
-        sizes = np.abs(values[np.isfinite(values)]) if values is not None else np.empty(0)
-        ratio = float(sizes.max(initial=0.0)) / weight
-        if ratio > HEAVY:
-            text = f"{name} is up to {ratio:.2g} times the weight of the grains: check its unit"
-            found.append(Reason(IMPOSSIBLE if ratio > TOO_HEAVY else IMPROBABLE, text))
-    return found
-
-
 def _level(flow: Flow, u: Floats, speeds: Float64) -> list[Reason]:
     """A steady layer under a free surface that nothing drives along x; a plate may drive others."""
     moves = flow.walls is not None and flow.walls.u is not None and bool(np.any(flow.walls.u))
@@ -170,18 +136,6 @@ def _level(flow: Flow, u: Floats, speeds: Float64) -> list[Reason]:
         "nothing drives it: give gravity in the axes of the slope (granpinn convert --tilt)"
     )
     return [Reason(IMPROBABLE, text)]
-
-
-def _alike(u: Floats, v: Floats) -> list[Reason]:
-    """Grains that move as one body."""
-    size = float(np.hypot(u, v).max(initial=0.0))
-    if size == 0 or max(float(np.ptp(u)), float(np.ptp(v))) > EXACT * size:
-        return []
-    text = (
-        f"all vectors are ({u[0]:.4g}, {v[0]:.4g}), and grains that move as one body show nothing "
-        "of their friction: check u and v"
-    )
-    return [Reason(IMPOSSIBLE, text)]
 
 
 def _zeros(u: Floats, v: Floats) -> list[Reason]:

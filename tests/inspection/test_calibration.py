@@ -144,7 +144,7 @@ def test_inertial_numbers_of_a_gas() -> None:
     flow = make_flow()
 
     def slips_of(median: float, flow: Flow = flow) -> list[Reason]:
-        numbers = InertialRange(0.0, median, 1.0, 3.0, None, None, 0.0, 1.0, ())
+        numbers = InertialRange(0.0, median, 1.0, 3.0, None, 0.0, 1.0, ())
         return numbers.reasons(Inspection(flow))
 
     assert slips_of(0.5) == []
