@@ -56,6 +56,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "surface": lambda path: importers.read(ARRAYS, surface=str(path), **PLAIN),
     "walls": lambda path: importers.read(ARRAYS, walls=str(path), **PLAIN),
     "times": lambda path: importers.read(ARRAYS, times=str(path), **PLAIN),
+    "mask": lambda path: importers.read(ARRAYS, mask=str(path), **PLAIN),
     **{
         f"vectors as {name}": lambda path, name=name: importers.read(path, format=name, **PLAIN)
         for name in ("auto", *formats.FORMATS)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from granpinn.config import settings_of
 from granpinn.data.flow import Flow
-from granpinn.foreign import installed
 from granpinn.importers import DataFileError, Settings
 from granpinn.importers.reading import settings_from
 
@@ -31,10 +31,6 @@ class FilmSettings(Settings):
             "group": "files",
             "help": "region of interest in px from the upper left corner, LEFT:RIGHT,TOP:BOTTOM",
         },
-    )
-    mask: str | None = field(
-        default=None,
-        metadata={"group": "files", "help": "image that is black where no grains may be seen"},
     )
 
 
@@ -65,7 +61,7 @@ def film(
         DataFileError: the film or a setting cannot be used; one sentence.
     """
     own = settings_from(settings, FilmSettings, SETTINGS)
-    if not installed("cv2"):
+    if find_spec("cv2") is None:
         raise DataFileError("films need OpenCV: pip install 'granpinn[film]'")
     from granpinn.filming.measurement import measure  # imports OpenCV
 

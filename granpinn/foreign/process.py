@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import importlib.util
 import json
 import mmap
 import os
@@ -97,11 +96,6 @@ _running: list[_Process] = []
 def _close() -> None:
     while _running:
         _running.pop().close()
-
-
-def installed(library: str) -> bool:
-    """Whether the library can be imported."""
-    return importlib.util.find_spec(library) is not None
 
 
 def read_foreign(

@@ -30,6 +30,7 @@ from granpinn.importers import points
 from granpinn.importers import surface as surfaces
 from granpinn.importers.frame import Frame, calibration, frame_of, missing_units, require_agreement
 from granpinn.importers.limits import require_room
+from granpinn.importers.masks import with_mask
 from granpinn.importers.series import Source, measured, selected_frames, vectors_of
 from granpinn.importers.settings import SURFACES, Settings, material_of, missing_constants
 from granpinn.importers.vectors import GAPS, DataFileError, Validity, VectorFields
@@ -69,6 +70,8 @@ def convert(
     if missing:
         raise DataFileError(f"missing: {'; '.join(missing)}")
     constants, lengths = material_of(settings)
+    if settings.mask is not None:
+        fields = with_mask(fields, settings.mask, settings.length_unit or fields.length_unit)
     frame = frame_of(fields, settings)
     require_agreement(whole, settings, frame)
     si = frame.apply(fields)
@@ -85,11 +88,11 @@ def convert(
     flow = make(si, settings, frame, given, constants)
     for text in _summary(flow):
         tell(text)
-    inferred = fields.facts.get("mask") == GAPS and fields.c is None
+    inferred = fields.facts.get("mask") == GAPS and settings.mask is None and fields.c is None
     if inferred and given is None and flow.surface is not None:
         tell(
             "the files do not say what is masked: the free surface is the edge of the vectors; "
-            "give --surface if the PIV program lost vectors there"
+            "give --mask or --surface if the PIV program lost vectors there"
         )
     return flow
 
@@ -113,7 +116,7 @@ def grid_flow(
         if folded(fields.t, fields.x, line).any():
             _warn(
                 "the line of --surface is vertical or folds back, so that it does not say alone "
-                "which cells hold grains there: draw a mask in the PIV program"
+                "which cells hold grains there: give --mask"
             )
         c = np.where(surfaces.below_line(fields, line), 1.0, 0.0)
     elif line is None and wanted == "auto" and source == "vectors":
@@ -229,7 +232,7 @@ def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool
 
 def _warn_of_no_surface(why: str) -> None:
     _warn(
-        f"the free surface is not known, as {why}: train with --level V0, or give "
+        f"the free surface is not known, as {why}: train with --level V0, or give --mask or "
         "--surface with the points of a line"
     )
 

@@ -77,7 +77,7 @@ def flow(
     source: Source
     if isinstance(surface, str) and surface in SURFACES:
         given["surface"], surface = surface, None
-    parts = {name: given.pop(name) for name in [*given] if name in ARRAYS}
+    parts = {name: given.pop(name) for name in [*given] if _is_array(name, given[name])}
     if data is None:
         source = parts
     elif parts or not hasattr(data, "data_vars"):
@@ -89,6 +89,11 @@ def flow(
     else:
         source = from_dataset(data)
     return convert(source, settings_from(given, Settings), line=surface)
+
+
+def _is_array(name: str, value: Any) -> bool:
+    """Whether an argument belongs to the arrays; the setting `mask` is the name of a file."""
+    return name in ARRAYS and not (name == "mask" and isinstance(value, str))
 
 
 def settings_from(given: Mapping[str, Any], kind: type[S], names: Collection[str] = SETTINGS) -> S:

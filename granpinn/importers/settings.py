@@ -140,6 +140,11 @@ class Settings:
         group="material",
     )
 
+    mask: str | None = setting(
+        None,
+        "image, or pattern of one image per frame, black where there are no grains",
+        group="grains",
+    )
     surface: str = setting(
         "auto",
         "line of the free surface: none, a CSV file with the "

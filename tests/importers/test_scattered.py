@@ -40,6 +40,7 @@ def test_standard_deviations_go_with_their_vectors() -> None:
     ("change", "settings", "message"),
     [
         ({"u": np.full(N, np.nan)}, {}, "must hold measured vectors"),
+        ({}, {"mask": "m.png"}, "mask is for vectors on a grid, got scattered ones"),
         ({}, {"sigma": "-1"}, "sigma must be positive"),
         ({"sigma_u": np.full(N, -0.1), "sigma_v": np.ones(N)}, {}, "sigma_u must be positive, and"),
         ({"sigma_u": np.ones(N), "sigma_v": np.full(N, np.inf)}, {}, "sigma_v must be positive"),

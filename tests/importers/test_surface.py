@@ -1,4 +1,4 @@
-"""Grains and free surface: from a fraction field, a mask, a line, or vectors alone."""
+"""Grains and free surface: from a fraction field, a mask, an image, a line, or vectors alone."""
 
 from __future__ import annotations
 
@@ -110,6 +110,13 @@ def test_mask_makes_grains_and_surface() -> None:
         assert np.abs(flow.surface.y[at] - height(width, flow.surface.x[at])).max() <= 1.0
 
 
+def write_image(path: Path, bright: Any) -> str:
+    from PIL import Image
+
+    Image.fromarray(np.where(bright, 200, 3).astype(np.uint8)).save(path)
+    return str(path)
+
+
 def in_pixels(**changes: Any) -> dict[str, Any]:
     """The heap in an image of 100 x 80 px, 10 px to a cell, y down; vectors everywhere."""
     u = (1.0 + X + 0 * C)[:, ::-1]
@@ -125,6 +132,21 @@ PHYSICAL: dict[str, Any] = {
     "grain_density": "2500 kg/m^3",
     "solid_fraction": 0.6,
 }
+
+
+def test_wrong_mask_images_are_refused(tmp_path: Path) -> None:
+    small = write_image(tmp_path / "small.png", np.ones((40, 100)))
+    with pytest.raises(DataFileError, match="must cover the vectors, got 40 pixels along y"):
+        read(in_pixels(), mask=small, **PHYSICAL)
+    for k in range(2):
+        write_image(tmp_path / f"m{k}.png", np.ones((80, 100)))
+    with pytest.raises(DataFileError, match="one for each of the 3 frames, got 2"):
+        read(in_pixels(), mask=str(tmp_path / "m?.png"), **PHYSICAL)
+    (tmp_path / "text.png").write_text("no image")
+    with pytest.raises(DataFileError, match="cannot be read as an image"):
+        read(in_pixels(), mask=str(tmp_path / "text.png"), **PHYSICAL)
+    with pytest.raises(DataFileError, match="mask needs vectors in pixels"):
+        read(in_pixels(length_unit="mm"), mask=small, **PHYSICAL)
 
 
 def line_file(path: Path, head: str, factor: float = 1.0, time: Any = None) -> str:

@@ -132,6 +132,7 @@ FORMATS: dict[str, Callable[[], Sample]] = {
     "mat5": lambda: form("PIVlab MATLAB"),
     "mat7.3": lambda: form("PIVlab MATLAB", version="7.3"),
     "npz": lambda: form("arrays on a grid", holder="npz"),
+    "mask": lambda: form("--mask", "*.png"),
     "surface": lambda: form("--surface", "*.csv"),
     "walls": lambda: form("--walls", "*.csv"),
     "times": lambda: form("--times", "*.txt"),

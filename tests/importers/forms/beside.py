@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
+from granpinn.importers import Validity
 from tests.importers import scene
 from tests.importers.forms import physical
 from tests.importers.forms.form import FLOAT64, Family, Given, odd, plain
@@ -136,6 +138,38 @@ def walls(
     return given(vectors(units, up, time), expected, {"walls": path})
 
 
+def mask(folder: Path, kind: str, up: bool, images: str) -> Given | None:
+    """Images of 90 x 80 px, in which every vector is the center of a square of 8 px."""
+    suffix, mode, dark, bright = kind.split()
+    inside = scene.codes() != Validity.MASKED
+    for k in range(scene.FRAMES if images == "each" else 1):
+        squares = np.kron(inside[k], np.ones((8, 8), bool))
+        picture = np.zeros((80, 90), bool)
+        picture[20 : 20 + squares.shape[0], 12 : 12 + squares.shape[1]] = squares
+        image = drawn(np.where(picture, int(bright), int(dark)), picture, mode)
+        image.save(folder / f"m{k}.{suffix}")
+    data = vectors(PIXELS, False, "frame")
+    u, v = (np.where(inside, data[n], a) for n, a in zip("uv", scene.velocity(), strict=True))
+    data |= {"u": u, "v": v}
+    if up:  # pixels that count from the lower edge of the image
+        data |= {"y": 79 - data["y"], "v": -v, "y_down": False}
+    origin = {"origin": "16,7"} if up else {}
+    return given(data, physical.flow(), {"mask": str(folder / "m*")} | origin, FLOAT64)
+
+
+def drawn(levels: Any, picture: Any, mode: str) -> Image.Image:
+    if mode == "I;16":
+        return Image.fromarray(levels.astype(np.uint16))
+    if mode == "1":
+        return Image.fromarray(picture)
+    grey = Image.fromarray(levels.astype(np.uint8))
+    if mode == "alpha":  # white everywhere, and transparent where there are no grains
+        white = Image.new("RGB", grey.size, "white")
+        white.putalpha(Image.fromarray(np.where(picture, 255, 0).astype(np.uint8)))
+        return white
+    return grey.convert(mode) if mode != "P" else grey.convert("RGB").quantize(16)
+
+
 TILTS = {"0 deg": 0.0, "1.2 deg": 1.2, "0.02094395102393195 rad": 1.2, "-3 °": -3.0}
 
 
@@ -196,6 +230,17 @@ FAMILIES = {
             "pressure": plain("", "Pa", "kPa"),
             "order": plain("", "10", "3210"),
             "dialect": styles(",", ";", "tab", quoted=True),
+        },
+    ),
+    "--mask": Family(
+        mask,
+        {
+            "kind": plain("png L 0 255", "png L 3 200", "png L 0 1", "png 1 0 1", "png RGB 0 255")
+            | plain("png LA 3 200", "png P 0 255", "tif L 0 255", "bmp L 0 255", "gif L 0 255")
+            | plain("png I;16 768 51200", "tif I;16 100 4000", "tif I;16 0 65535", "jpg L 0 255")
+            | odd("png alpha 0 255"),
+            "up": plain(False, True),
+            "images": plain("each", "one"),
         },
     ),
     "settings": Family(
