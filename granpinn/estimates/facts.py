@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow, known_sd
@@ -52,23 +53,11 @@ def particle_vectors(particles: Particles, scales: Scales) -> tuple[Float64, ...
     return points[:, 2], points[:, 0], points[:, 1], u, v
 
 
-@dataclass(frozen=True, eq=False)
-class ParticleFits:
-    """Local parabolas among scattered vectors, dimensionless.
-
-    Attributes:
-        noise: the noise of a typical vector.
-        shear_rate: at each of the sampled vectors, less the part of the noise [S].
-    """
-
-    noise: Noise
-    shear_rate: Float64
-
-
-def particle_fits(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) -> ParticleFits:
-    """Noise and shear rate of scattered vectors, dimensionless, all [N]."""
-    from scipy.spatial import cKDTree
-
+def particle_fits(
+    t: Float64, x: Float64, y: Float64, u: Float64, v: Float64
+) -> tuple[Noise, Float64]:
+    """The noise of a typical one of scattered vectors, dimensionless, all [N]; and the shear rate
+    at some of them, less the part of the noise [S]."""
     found, rates = [], []
     _, size = np.unique(t, return_counts=True)
     order = np.argsort(t, kind="stable")
@@ -90,8 +79,7 @@ def particle_fits(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) ->
         found.append(variance)
         rates.append(rate)
     if not found:
-        unknown = Noise(None, None, None, 1.0)
-        return ParticleFits(unknown, np.empty(0))
+        return Noise(None, None, None, 1.0), np.empty(0)
     variance = np.concatenate(found)
     typical = np.sqrt(np.median(variance, axis=0))
     noise = Noise(
@@ -100,7 +88,7 @@ def particle_fits(t: Float64, x: Float64, y: Float64, u: Float64, v: Float64) ->
         v=float(typical[1]),
         vectors_per_independent=1.0,
     )
-    return ParticleFits(noise, np.concatenate(rates))
+    return noise, np.concatenate(rates)
 
 
 def _local_parabolas(offset: Float64, velocity: Float64, reach: Float64) -> tuple[Float64, Float64]:
@@ -161,7 +149,7 @@ class Facts:
         return particle_vectors(self.flow.particles, self.scales)
 
     @cached_property
-    def fits(self) -> ParticleFits:
+    def fits(self) -> tuple[Noise, Float64]:
         """Local fits among the vectors of a flow of particles."""
         return particle_fits(*self.vectors)
 
@@ -170,7 +158,7 @@ class Facts:
         """The noise of a typical vector, at least that of its rounding to a lattice."""
         if self.flow.particles is None:
             return grid_noise(self.view).at_least(self.rounding)
-        found = self.fits.noise
+        found = self.fits[0]
         found = found if self.flow.steady else of_pairs(found, *self.vectors)
         return found.at_least(self.rounding)
 
@@ -199,7 +187,7 @@ class Facts:
         if self.flow.particles is None:
             some = gradients(_some_frames(self.view), self.noise.sigma or 0.0).gamma_dot
         else:
-            some = self.fits.shear_rate
+            some = self.fits[1]
         return _rounded(_rms(some)) or 1.0
 
     @cached_property
@@ -259,13 +247,11 @@ class InertialNumbers:
 
     Attributes:
         vectors: vectors of each [K].
-        p: estimated pressure, in units of rho |g| H0 [K].
     """
 
     I: Float64
     flows: Bool
     vectors: Float64
-    p: Float64
 
     def quantiles(self, *levels: float) -> list[float] | None:
         """Quantiles of I over the flowing vectors; None if none flows."""
@@ -281,9 +267,8 @@ def inertial_numbers(facts: Facts) -> InertialNumbers:
     """The inertial numbers of a flow; a pure function of its vectors."""
     view, found = facts.view, facts.slopes
     least = np.maximum(RATE_AT_REST, RATE_OVER_NOISE * np.sqrt(found.bias))
-    p = estimated_pressure(view, found)
-    I = inertial_number(view, found, p)
-    return InertialNumbers(I, found.gamma_dot > least, found.vectors, p)
+    I = view.d * found.gamma_dot / np.sqrt(estimated_pressure(view, found))
+    return InertialNumbers(I, found.gamma_dot > least, found.vectors)
 
 
 def estimated_pressure(view: View, found: Gradients) -> Float64:
@@ -296,8 +281,3 @@ def estimated_pressure(view: View, found: Gradients) -> Float64:
     pressure = (np.cumsum(downwards, axis=1) - downwards / 2)[:, ::-1]
     least = FLOOR * max(spacing, view.d) / 2
     return np.maximum(pressure[found.index], least)
-
-
-def inertial_number(view: View, found: Gradients, pressure: Float64) -> Float64:
-    """I = d gamma_dot / sqrt(p) at the cells of `found` [K]."""
-    return np.asarray(view.d * found.gamma_dot / np.sqrt(pressure))

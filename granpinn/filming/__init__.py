@@ -15,7 +15,7 @@ from granpinn.importers.reading import settings_from
 
 # Settings of a conversion that have no meaning for pictures.
 WITHOUT = (
-    *("format", "columns", "zeros", "keep_interpolated"),
+    *("format", "zeros", "keep_interpolated"),
     *("track_window", "pulse_delay", "times", "length_unit", "time_unit", "velocity_unit"),
     *("dimensionless", "flip_y", "window"),
 )

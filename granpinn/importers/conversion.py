@@ -245,7 +245,7 @@ def _attributes(fields: VectorFields, settings: Settings) -> dict[str, str | flo
     """Further attributes of the flow file: source and settings."""
     facts = {f"source_{name}": value for name, value in fields.facts.items() if value}
     found: dict[str, str | float] = {**facts, "source": fields.facts.get("format", "arrays")}
-    for name in ("scale", "frame_rate", "pulse_delay", "tilt", "note"):
+    for name in ("scale", "frame_rate", "pulse_delay", "tilt"):
         value = getattr(settings, name)
         if value is not None and value != getattr(Settings, name):
             found[name] = value

@@ -181,7 +181,6 @@ class Settings:
         "differences, 0.82 cells",
         group="grains",
     )
-    note: str | None = setting(None, "text to keep in the file", group="grains")
 
     @property
     def fewest_frames(self) -> int:
