@@ -46,8 +46,7 @@ class Segments:
 
     def names(self) -> list[str]:
         """Every wall in words, by its first and its last point."""
-        order = np.argsort(self.wall, kind="stable")
-        ends, edges = self.ends[order], _edges(self.wall[order])
+        ends, edges = self.ends, _edges(self.wall)
         found = zip(ends[edges[:-1], 0], ends[edges[1:] - 1, 1], _closed(ends, edges), strict=True)
         return [
             f"the closed wall through ({a[0]:.4g}, {a[1]:.4g})"
