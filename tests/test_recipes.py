@@ -31,7 +31,7 @@ TERM = {
     "granpinn/physics/terms.py",  # a row
     "granpinn/reference/equations.py",
 }
-READER = {"granpinn/importers/openpiv.py", "granpinn/importers/formats.py"}
+READER = {"granpinn/importers/grids.py", "granpinn/importers/formats.py"}
 OPTIMISER = {"granpinn/training/optimise.py", "granpinn/config/sections.py"}
 
 
@@ -68,7 +68,7 @@ def test_an_optimiser_is_chosen_in_two_files() -> None:
 
 def test_contributing_names_the_files_of_the_recipes() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    generic = {"coulomb": "NAME", "openpiv": "NAME"}
+    generic = {"coulomb": "NAME"}
     for path in LAW | TERM | READER | OPTIMISER:
         for name, word in generic.items():
             path = path.replace(name, word)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from granpinn.command.parser import program
 from granpinn.data import Flow
-from granpinn.data.reader import is_flow_file
+from granpinn.data.flow_file import is_flow_file
 from granpinn.errors import BadInput
 from granpinn.output import shell_word
 

@@ -30,8 +30,8 @@ EXAMPLES = """examples:
       vectors in pixels per frame, one file per frame, a mask drawn in PIVlab
   python -m granpinn.convert tracks.csv --out flow.h5 --surface surface.csv --scale "8.3 px/mm" ...
       tracked particles: velocities by local polynomials; the line of the free surface by hand
-  python -m granpinn.convert B*.vc7 --out flow.h5 --tilt "-1.2 deg" --wall-gap "20 mm" ...
-      DaVis, already in mm and m/s; a plumb line in the image leans 1.2 degrees to the left
+  python -m granpinn.convert B*.txt --out flow.h5 --tilt "-1.2 deg" --wall-gap "20 mm" ...
+      text of DaVis, already in mm and m/s; a plumb line in the image leans 1.2 degrees to the left
   python -m granpinn.convert out-*.txt --out flow.h5 --dimensionless --times name \\
       --grain-diameter 0.025
       a simulation without units, times in the names of the files

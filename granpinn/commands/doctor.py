@@ -32,7 +32,6 @@ BUILD_HINT = (
 )
 LARGEST_ERROR = {"float64": 1e-8, "float32": 1e-3}  # of the kernels, relative L2
 EXTRAS = {
-    "lavision": ("lvpyio",),
     "film": ("cv2",),
 }
 

@@ -9,13 +9,12 @@ from granpinn.data.flow import (
     Truth,
     Walls,
 )
+from granpinn.data.flow_file import read_flow, write_flow
 from granpinn.data.noise import add_noise, known_sd
-from granpinn.data.partial_cells import with_partial_cells
+from granpinn.data.outline import with_partial_cells
 from granpinn.data.particles import particle_flow
 from granpinn.data.points import TrainingSet, test_grid, training_set
-from granpinn.data.reader import read_flow
 from granpinn.data.rules import check_flow
-from granpinn.data.writer import write_flow
 
 __all__ = [
     "Flow",

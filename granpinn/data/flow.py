@@ -64,23 +64,18 @@ class Walls:
 
     Attributes:
         x, y: positions [m].
-        t: times [m], the same in all of a piece; NaN or None: the piece is there at all times.
-            At a time, of the pieces with a time those of the nearest time are there.
         u, v: velocity of the wall at its points [m], None = at rest.
         slip: [m], 0 where grains move with the wall, 1 where none flow through it and nothing more
             is known; None = 1.
-        p, tau: measured normal stress on the wall, and size of the shear stress [m]; NaN or None =
-            not known.
+        p: measured normal stress on the wall [m]; NaN or None = not known.
     """
 
     x: Float64
     y: Float64
-    t: Float64 | None = None
     u: Float64 | None = None
     v: Float64 | None = None
     slip: Float32 | None = None
     p: Float32 | None = None
-    tau: Float32 | None = None
 
     def __post_init__(self) -> None:
         require_fields(self, FlowFileError)
@@ -123,7 +118,7 @@ class Flow:
         t, y, x: time [T] and cell centers [Y], [X]; x to the right, y up.
         u, v: velocity [T, Y, X], float32 or float64; NaN where there is no valid vector, never 0.
         c: volume fraction of grains [T, Y, X], 0 to 1; data points are those with c = 1,
-            and in training partly filled ones under the surface (`partial_cells.py`).
+            and in training partly filled ones under the surface (`outline.py`).
         gravity: (g_x, g_y).
         density: bulk density of the grains, for the momentum equation.
         grain_diameter: mean diameter d of the grains.
@@ -146,8 +141,8 @@ class Flow:
         averaged: number of frames whose mean the flow is (`steady.steady_mean`); no part of a file.
         source: force per mass beside gravity at any point, in the units and axes of the flow, for
             manufactured flows (bench/studies/floor); no part of a file.
-        starts: the first frame of every run, in a flow of runs of frames that stand for a large
-            flow (`large.runs`); no part of a file.
+        every: every how many frames of a large flow this one has (`large.thinned`); no part of a
+            file.
         sha256: hash of the file that was read, "" for a flow made in memory.
         path: the file that was read.
     """
@@ -178,7 +173,7 @@ class Flow:
     layer: bool = False
     averaged: int = 1
     source: Source | None = None
-    starts: tuple[int, ...] = ()
+    every: int = 1
     sha256: str = ""
     path: Path | None = None
 

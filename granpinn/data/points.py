@@ -1,9 +1,5 @@
 """The points of training and scoring, dimensionless and in the order (t, y, x).
 
-A training set is made slab by slab (`large.py`), and a flow that is not large is one slab. Of a
-flow of more than `MOST_VECTORS` vectors, every n-th frame trains (`thinned`). So a training set
-takes at most about `MOST_BYTES`. It holds more points than the default training draws, 2.6e7.
-
 Variants of a flow differ in the cells that count as full of grains, and in the free surface. The
 sets of all variants have the same points in one order; a point that a variant lacks has the weight
 0 there. So one draw of points serves all, and its scatter cancels in a difference.
@@ -18,16 +14,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import torch
 
-from granpinn.arrays import Float64, Index
+from granpinn.arrays import Float64, Floats, Index
 from granpinn.config import LEVELS
-from granpinn.data.collocation import above_ground, lie_between, lowest_row, points_between
+from granpinn.data.collocation import (
+    above_ground,
+    drawn,
+    lie_between,
+    points_between,
+    strip_of,
+)
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
-from granpinn.data.large import slabs, some_frames
 from granpinn.data.noise import velocity_weights
 from granpinn.data.outline import surface_of
-from granpinn.data.partial_cells import filled_slabs
 from granpinn.data.scaling import moving, placed, turned_and_rounded
-from granpinn.data.surface_strip import drawn, strip_of
 from granpinn.data.symmetry import axes_of
 from granpinn.data.wall_points import walls_of, warn_of_contradictions
 from granpinn.physics.axes import Axes
@@ -35,11 +34,6 @@ from granpinn.physics.terms import LossPoints
 
 if TYPE_CHECKING:
     from granpinn.physics.scales import Scales
-
-MOST_VECTORS = 2**24
-# With as many points between the vectors: 28 bytes for a vector, 16 for a point between, and 28 for
-# each once they are pooled.
-MOST_BYTES = 100 * MOST_VECTORS
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +54,7 @@ class TrainingSet:
         lower, upper: bounds of the points, [3].
         between: (x, y, t) of points with the residuals of the equations alone, [B, 3]
             (granpinn/data/collocation.py).
-        strip: such points above the highest vectors, [S, 3] (granpinn/data/surface_strip.py).
+        strip: such points above the highest vectors, [S, 3] (granpinn/data/collocation.py).
         equation_weights: weights of the equations at the points between and of the strip, [B + S].
         wall_points, wall_velocity: (x, y, t) on walls and the velocity of the grains there, [W, 3]
             and [W, 2] (granpinn/data/wall_points.py). The equations do not count there: a shear
@@ -141,7 +135,7 @@ def training_set(
     c = 1.
 
     Args:
-        flow: with its partly filled cells (`with_partial_cells`) unless it is large.
+        flow: with its partly filled cells (`with_partial_cells`).
         level: "V0": velocity only, p = 0 on the upper `outline` of its points; "V1": also the line
             of the free surface, with p = 0; "V2": also the measured pressure on this line.
         dtype: of all tensors.
@@ -152,7 +146,6 @@ def training_set(
     """
     if level not in LEVELS:
         raise ValueError(f"level must be one of {', '.join(LEVELS)}, got {level!r}")
-    flow = thinned(flow)
     variant = flow, surface_of(flow, level)
     return training_sets([variant], flow, scales, level, dtype, collocation)[0]
 
@@ -186,13 +179,7 @@ def training_sets(
     if len(flows) > 1:  # with the cells that are full in any of them
         union = replace(union, c=np.max([variant.c for variant in flows], axis=0))
     _require_distinct(union, scales, dtype)
-    share = collocation if union.particles is None else 0.0
-    row = lowest_row(union) if share else None
-    parts = [
-        _slab(own, frames, flows, scales, share, row, dtype)
-        for frames, own in filled_slabs(union, ahead=1)
-    ]
-    shared = _Slab(*map(torch.cat, zip(*parts, strict=True)))
+    shared = _shared(union, flows, scales, collocation, dtype)
     if len(shared.points) == 0:
         raise FlowFileError(
             "c, u and v must hold valid vectors where c = 1 at t > 0, got none: start the "
@@ -222,30 +209,16 @@ def training_sets(
     ]
 
 
-def thinned(flow: Flow) -> Flow:
-    """Every n-th frame after the start of a flow on a grid, so that it has about `MOST_VECTORS`
-    vectors at most; the flow itself if it has no more."""
-    full, _ = vector_counts(flow)
-    if flow.particles is not None or full <= MOST_VECTORS:
-        return flow
-    first = int(np.argmax(flow.after_start(flow.t)))
-    return some_frames(flow, slice(first, None, -(-full // MOST_VECTORS)))
-
-
-def vector_counts(flow: Flow) -> tuple[int, int]:
-    """Vectors after the start in cells full of grains, and in cells with any grains."""
+def vector_count(flow: Flow) -> int:
+    """Vectors after the start, also in partly filled cells."""
     if flow.particles is not None:
-        return flow.particles.u.size, flow.particles.u.size
-    full, some = 0, 0
-    for k in slabs(flow):
-        there = np.isfinite(flow.u[k]) & flow.after_start(flow.t[k])[:, None, None]
-        full += int((there & (flow.c[k] >= 1)).sum())
-        some += int((there & (flow.c[k] > 0)).sum())
-    return full, some
+        return int(flow.particles.u.size)
+    there = np.isfinite(flow.u) & flow.after_start(flow.t)[:, None, None]
+    return int((there & (flow.c > 0)).sum())
 
 
-class _Slab(NamedTuple):
-    """The points of some frames that all V variants share.
+class _Shared(NamedTuple):
+    """The points that all V variants share.
 
     Attributes:
         points, velocity, between: as in `TrainingSet`.
@@ -261,42 +234,39 @@ class _Slab(NamedTuple):
     inside: torch.Tensor
 
 
-def _slab(
-    slab: Flow,
-    frames: slice,
+def _shared(
+    union: Flow,
     variants: Sequence[Flow],
     scales: Scales,
-    share: float,
-    row: int | None,
+    collocation: float,
     dtype: torch.dtype,
-) -> _Slab:
-    """The points of a slab of frames, which is followed by one frame more up to which cells reach.
+) -> _Shared:
+    """The points of all variants.
 
     Args:
-        slab: with the cells that are full in any of the variants.
-        share: points between the vectors for each vector.
-        row: the lowest row of the whole flow.
+        union: with the cells that are full in any of them.
+        collocation: points between the vectors of a grid for each vector.
     """
-    vectors, cells = _vectors(slab, frames)
+    vectors, cells = _vectors(union)
     own = np.ones((len(vectors.t), len(variants)), bool)
     between, inside = np.empty((0, 3)), np.empty((0, len(variants)), bool)
-    parts = [some_frames(variant, slice(frames.start, frames.stop + 1)) for variant in variants]
-    if len(parts) > 1 and cells is not None:
-        own = np.stack([part.c[cells] >= 1 for part in parts], 1)
-    if count := round(share * len(own)):
-        places = points_between(slab, above_ground(slab, row), count, frames.start)
-        between, inside = placed(*places, slab, scales), np.ones((len(places[0]), len(parts)), bool)
-        if len(parts) > 1:
-            complete = [lie_between(part, above_ground(part), *places) for part in parts]
+    if len(variants) > 1 and cells is not None:
+        own = np.stack([variant.c[cells] >= 1 for variant in variants], 1)
+    if cells is not None and (count := round(collocation * len(own))):
+        places = points_between(union, above_ground(union), count)
+        between = placed(*places, union, scales)
+        inside = np.ones((len(places[0]), len(variants)), bool)
+        if len(variants) > 1:
+            complete = [lie_between(v, above_ground(v), *places) for v in variants]
             inside = np.stack(complete, 1)
     variances = np.empty(0)
     if vectors.sigma_u is not None and vectors.sigma_v is not None:
         variances = (
             vectors.sigma_u.astype(np.float64) ** 2 + vectors.sigma_v.astype(np.float64) ** 2
         )
-    return _Slab(
-        torch.as_tensor(placed(vectors.x, vectors.y, vectors.t, slab, scales)).to(dtype),
-        torch.as_tensor(moving(vectors.u, vectors.v, slab, scales)).to(dtype),
+    return _Shared(
+        torch.as_tensor(placed(vectors.x, vectors.y, vectors.t, union, scales)).to(dtype),
+        torch.as_tensor(moving(vectors.u, vectors.v, union, scales)).to(dtype),
         torch.as_tensor(between).to(dtype),
         torch.as_tensor(variances),
         torch.as_tensor(own),
@@ -304,9 +274,9 @@ def _slab(
     )
 
 
-def _vectors(flow: Flow, frames: slice) -> tuple[Particles, tuple[Index, ...] | None]:
-    """The vectors after the start of a slab, in the units of the file and the order (t, y, x), and
-    on a grid their cells.
+def _vectors(flow: Flow) -> tuple[Particles, tuple[Index, ...] | None]:
+    """The vectors after the start, in the units of the file and the order (t, y, x), and on a grid
+    their cells.
 
     A uniform standard deviation does not change the weights and is left out.
     """
@@ -315,8 +285,7 @@ def _vectors(flow: Flow, frames: slice) -> tuple[Particles, tuple[Index, ...] | 
         kept = flow.after_start(particles.t)
         some = {name: None if a is None else a[kept] for name, a in vars(particles).items()}
         return Particles(**some), None  # type: ignore[arg-type]
-    k = slice(0, frames.stop - frames.start)
-    there = flow.valid_in(k) & flow.after_start(flow.t[k])[:, None, None]
+    there = flow.valid & flow.after_start(flow.t)[:, None, None]
     frame, row, column = cells = np.nonzero(there)
     varies = isinstance(flow.sigma_u, np.ndarray) or isinstance(flow.sigma_v, np.ndarray)
     names = ("u", "v", "sigma_u", "sigma_v") if varies else ("u", "v")
@@ -324,7 +293,7 @@ def _vectors(flow: Flow, frames: slice) -> tuple[Particles, tuple[Index, ...] | 
     return Particles(t=flow.t[frame], y=flow.y[row], x=flow.x[column], **fields), cells
 
 
-def _set_of(shared: _Slab, k: int, line: Float64, pressure: Float64) -> TrainingSet:
+def _set_of(shared: _Shared, k: int, line: Float64, pressure: Float64) -> TrainingSet:
     """The set of variant k without points in strips and on walls."""
     points, velocity, between, variances, own, inside = shared
     weights = torch.ones_like(velocity)
@@ -451,6 +420,18 @@ def test_grid(flow: Flow, scales: Scales) -> tuple[torch.Tensor, tuple[Index, ..
     frame, row, column = cells = np.nonzero(flow.material)
     points = scales.points_to_dimensionless(flow.x[column], flow.y[row], flow.t[frame])
     return torch.as_tensor(points), cells
+
+
+def relative_l2(predicted: Floats, reference: Floats) -> float | None:
+    """eq. (errorL2) in %, over everything in the arrays (a vector field: all components).
+
+    None without points, or if the reference is zero everywhere.
+    """
+    predicted, reference = (np.asarray(f, np.float64) for f in (predicted, reference))
+    size = float(np.sum(reference**2))
+    if size == 0.0:
+        return None
+    return 100.0 * float(np.sqrt(np.sum((predicted - reference) ** 2) / size))
 
 
 def _require_distinct(flow: Flow, scales: Scales, dtype: torch.dtype) -> None:

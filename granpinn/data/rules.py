@@ -42,13 +42,8 @@ from granpinn.data.walls import segments_of
 from granpinn.declared import checked
 
 LONGEST_UNIT = 64  # characters
-# Lengths that mean something for the training, and others that second opinions take as sizes.
-LENGTHS = (WALL_GAP, SURFACE_SD, PERIOD_X, WINDOW)
-STATED = (
-    *("box_width", "box_height", "domain_size", "column_width", "column_height"),
-    *(SOLVER_CELL, SOLVER_MEAN, "air_density", "air_viscosity", "cohesion"),
-)
-MAY_BE_ZERO = (SURFACE_SD, *STATED)
+LENGTHS = (WALL_GAP, SURFACE_SD, PERIOD_X, WINDOW, SOLVER_CELL, SOLVER_MEAN)
+MAY_BE_ZERO = (SURFACE_SD, SOLVER_CELL, SOLVER_MEAN)
 # Largest rounding of a coordinate, in units of its smallest step.
 LARGEST_ROUNDING = 0.01
 # Largest distance of surface points from the cell centers: part of their extent, or cells.
@@ -115,13 +110,13 @@ def _check_constants(flow: Flow) -> None:
                 f"the attribute {name!r} must be one number or text under a plain name, got "
                 f"{type(value).__name__}: change it or leave it out"
             )
-    for name in {*LENGTHS, *STATED} & flow.attributes.keys():
+    for name in {*LENGTHS} & flow.attributes.keys():
         value = flow.attributes[name]
-        if isinstance(value, str) and name in LENGTHS:
+        if isinstance(value, str):
             raise FlowFileError(
                 f"the attribute {name} must be a length, got {value!r}: correct it or leave it out"
             )
-        if not isinstance(value, str) and not (value == 0 and name in MAY_BE_ZERO):
+        if not (value == 0 and name in MAY_BE_ZERO):
             check_range(f"the attribute {name}", value, LEAST, LARGEST)
     steady = flow.attributes.get(STEADY, 0)
     if steady not in (0, 1):
@@ -154,6 +149,11 @@ def _check_constants(flow: Flow) -> None:
         raise FlowFileError(
             f"gravity must be two finite numbers (g_x, g_y), not both 0, got "
             f"{[float(g) for g in gravity]}: correct this attribute"
+        )
+    if gravity[1] >= 0:
+        raise FlowFileError(
+            f"gravity must point down, g_y < 0, as y points up, got {[float(g) for g in gravity]}: "
+            "correct its sign, or turn the data by quarters (numpy.rot90)"
         )
 
 
@@ -270,17 +270,11 @@ def _check_sigma(flow: Flow) -> None:
 
 
 def _check_surface(flow: Flow, surface: Surface) -> None:
-    """The line lies within the grid, in numbers as precise as its steps."""
+    """The line lies within the grid."""
     for name in ("t", "x", "y"):
         values, grid = getattr(surface, name), getattr(flow, name)
         if name == "t" and flow.steady:
             continue
-        step, far = float(np.diff(grid).min()), float(np.abs(values).max())
-        if far * 2.0**-23 > step and np.array_equal(values, values.astype(np.float32)):
-            raise FlowFileError(
-                f"surface_{name} must be as precise as {name}, got numbers of float32 around "
-                f"{far:g} for steps of {step:g}: store surface_{name} as float64"
-            )
         cell = float(np.median(np.diff(grid)))
         margin = max(SURFACE_MARGIN * (grid[-1] - grid[0]), SURFACE_CELLS * cell)
         _check_within(f"surface_{name}", values, name, grid, margin)
@@ -321,7 +315,6 @@ def _check_walls(flow: Flow, walls: Walls) -> None:
             "wall_slip must be 0 where grains move with the wall and 1 where they may slip along "
             f"it, got {wrong:g}: correct it"
         )
-    _check_times(flow, walls, parts)
     _check_length(flow, walls)
 
 
@@ -340,33 +333,11 @@ def _check_pieces(parts: Bool, place: Float64) -> None:
 
 def _check_length(flow: Flow, walls: Walls) -> None:
     """Every spacing of a wall becomes a point of the training, in every frame."""
-    segments = segments_of(walls)
-    stays = np.isnan(segments.t)
-    _, number = np.unique(segments.t[~stays], return_inverse=True)
-    moving = np.bincount(number, segments.length[~stays], minlength=1)
-    longest = float(segments.length[stays].sum() + moving.max())
+    length = float(segments_of(walls).length.sum())
     spacing = max(flow.spacing)
-    if longest > MOST_WALL_POINTS * spacing:
+    if length > MOST_WALL_POINTS * spacing:
         raise FlowFileError(
             f"wall_x and wall_y must be lines of at most {MOST_WALL_POINTS} times the grid spacing "
-            f"{spacing:g} at any one time, all together, got {longest:g}: leave out what no grains "
+            f"{spacing:g}, all together, got {length:g}: leave out what no grains "
             "touch, and lines that go to and fro"
         )
-
-
-def _check_times(flow: Flow, walls: Walls, parts: Bool) -> None:
-    """A piece has one time, or none; times lie near those of the flow."""
-    if walls.t is None:
-        return
-    t = walls.t
-    inside = ~parts[1:] & ~parts[:-1]
-    same = (t[1:] == t[:-1]) | (np.isnan(t[1:]) & np.isnan(t[:-1]))
-    if (inside & ~same).any():
-        k = int(np.argmax(inside & ~same))
-        raise FlowFileError(
-            f"wall_t must be the same at all points of a piece, got {t[k]:g} then {t[k + 1]:g} at "
-            f"index {k}: put NaN into wall_x and wall_y between pieces of different times"
-        )
-    known = t[~parts & ~np.isnan(t)]
-    if known.size and not flow.steady:
-        _check_within("wall_t", known, "t", flow.t, float(flow.t[-1] - flow.t[0]))

@@ -102,12 +102,18 @@ SURFACE_DATASETS = (
 WALL_DATASETS = (
     DatasetRule("wall_x", _WALL, _DOUBLE, "float64", "length", gaps=True),
     DatasetRule("wall_y", _WALL, _DOUBLE, "float64", "length", gaps=True),
-    DatasetRule("wall_t", _WALL, _DOUBLE, "float64", "time", gaps=True),
     DatasetRule("wall_u", _WALL, _BOTH, "float64", "velocity"),
     DatasetRule("wall_v", _WALL, _BOTH, "float64", "velocity"),
     DatasetRule("wall_slip", _WALL, _BOTH, "float32", "fraction", low=0, high=1),
     DatasetRule("wall_p", _WALL, _BOTH, "float32", "pressure", low=0, gaps=True),
-    DatasetRule("wall_tau", _WALL, _BOTH, "float32", "pressure", low=0, gaps=True),
+)
+# Datasets of a group need these.
+_SURFACES = tuple(rule.name for rule in SURFACE_DATASETS)
+_WALLS = tuple(rule.name for rule in WALL_DATASETS)
+TOGETHER = (
+    (("surface_t", "surface_x", "surface_y"), _SURFACES),
+    (("wall_x", "wall_y"), _WALLS),
+    (("wall_u", "wall_v"), ("wall_u", "wall_v")),
 )
 DATASETS = {
     rule.name: rule
@@ -237,18 +243,13 @@ def check_layout(found: Mapping[str, Any]) -> None:
                 f"{rule.name} is missing: expected a dataset {rule.name} {rule}, found {names}; "
                 "add it" + ("" if scattered else ", NaN where nothing is known")
             )
-    surface = [name for name in ("surface_t", "surface_x", "surface_y") if name in found]
-    if len(surface) in (1, 2) or ("surface_p" in found and not surface):
-        raise FlowFileError(
-            "surface_t, surface_x and surface_y must come together, got "
-            f"{' and '.join(surface) or 'surface_p'} alone: add the others or leave all out"
-        )
-    walls = [rule.name for rule in WALL_DATASETS if rule.name in found]
-    for first, second in (("wall_x", "wall_y"), ("wall_u", "wall_v")):
-        if (first in walls) != (second in walls) or (walls and "wall_x" not in walls):
+    for needed, group in TOGETHER:
+        there = [name for name in found if name in group]
+        lacking = [name for name in needed if name not in found]
+        if there and lacking:
             raise FlowFileError(
-                f"{first} and {second} must come together, and with every other dataset of walls "
-                f"wall_x and wall_y, got {' and '.join(walls)}: add the others or leave them out"
+                f"{', '.join(there)} must come with {' and '.join(lacking)}, got none: add the "
+                "others or leave them all out"
             )
 
 
@@ -290,44 +291,23 @@ def check_ranges(arrays: Mapping[str, npt.NDArray[Any]]) -> None:
 def _check_one_layout(rule: DatasetRule, dataset: Any, sizes: dict[str, int]) -> None:
     """Checks one dataset against its rule; `sizes` collects the length of every axis."""
     name, shape, dtype = rule.name, dataset.shape, str(dataset.dtype)
-    axes = f"[{', '.join(rule.axes)}]"
-    if dtype not in rule.dtypes:
+    if dtype not in rule.dtypes or len(shape) != len(rule.axes):
         raise FlowFileError(
             f"{name} must be {rule}, got {dtype} {list(shape)}: convert it or {WRITE_HINT}"
         )
-    if len(shape) != len(rule.axes):
-        raise FlowFileError(
-            f"{name} must be {rule}, got {len(shape)} dimensions {list(shape)}: reshape it"
-        )
     points = {"n": "surface", "m": "walls"}.get(rule.axes[0])
-    if points and shape[0] == 0:
+    least = 1 if points or rule.axes == ("T",) else 2  # one frame is a steady flow
+    if len(shape) == 1 and shape[0] < least:
+        remedy = f"leave the {points} out instead" if points else "give more of the flow"
         raise FlowFileError(
-            f"{name} must hold at least one point, got none: leave the {points} out instead"
-        )
-    least = 1 if rule.axes == ("T",) else 2  # one frame is a steady flow
-    if len(shape) == 1 and not points and shape[0] < least:
-        raise FlowFileError(
-            f"{name} must hold at least {('one value', 'two values')[least - 1]}, got {shape[0]}: "
-            "give more of the flow"
+            f"{name} must hold at least {least} value{'s' * (least > 1)}, got {shape[0]}: {remedy}"
         )
     for axis, size in zip(rule.axes, shape, strict=True):
         sizes.setdefault(axis, size)
     expected = tuple(sizes[axis] for axis in rule.axes)
-    if shape == expected:
-        return
-    if rule.axes == ("n",):
+    if shape != expected:
+        axes = f"[{', '.join(rule.axes)}]"
         raise FlowFileError(
-            f"{name} must have as many points as surface_t, {expected[0]}, got {shape[0]}: "
-            "give every surface point a time, a position and, if at all, a pressure"
+            f"{name} must be {axes} = {list(expected)}, got {list(shape)}: transpose it, or give a "
+            "value at every point"
         )
-    if rule.axes == ("m",):
-        raise FlowFileError(
-            f"{name} must have as many points as wall_x, {expected[0]}, got {shape[0]}: give every "
-            "point of a wall a value, NaN where two pieces part"
-        )
-    advice = (
-        "transpose it"
-        if sorted(shape) == sorted(expected)
-        else "give it a value at every point of the grid t, y, x"
-    )
-    raise FlowFileError(f"{name} must be {axes} = {list(expected)}, got {list(shape)}: {advice}")

@@ -29,9 +29,8 @@ from dataclasses import replace
 import numpy as np
 
 from granpinn.arrays import Float64, Floats
-from granpinn.data import turned
 from granpinn.data.flow import STEADY, Flow, Surface
-from granpinn.data.large import SLAB_CELLS, spread
+from granpinn.data.large import SLAB_CELLS, thinned
 from granpinn.data.surface import folded, line_heights
 from granpinn.data.symmetry import with_layer
 
@@ -52,9 +51,9 @@ def steady_mean(flow: Flow) -> Flow:
     stated = flow.attributes.get(STEADY)
     if flow.particles is not None or flow.source is not None or stated == 0:
         return flow
-    if flow.t.size > 1 and stated is None and not is_steady(spread(flow)):
+    if flow.t.size > 1 and stated is None and not is_steady(thinned(flow)):
         return flow
-    T, surface, p = flow.t.size, flow.surface, spread(flow).p
+    T, surface, p = flow.t.size, flow.surface, thinned(flow).p
     t = np.array([flow.t.mean()])
     line = None if surface is None else _line(flow, surface, float(t[0]))
     if T == 1:
@@ -80,7 +79,9 @@ def steady_mean(flow: Flow) -> Flow:
 
 
 def said(flow: Flow) -> str | None:
-    """What a mean over time is the mean of, and why, in words."""
+    """Which frames are used, in words: those of a large flow, or the mean over time, and why."""
+    if flow.every > 1:
+        return f"large flow: {flow.t.size} frames are used, one of every {flow.every}"
     if flow.averaged == 1:
         return None
     known = flow.attributes.get(STEADY) == 1
@@ -90,8 +91,7 @@ def said(flow: Flow) -> str | None:
 
 def is_steady(flow: Flow) -> bool:
     """Whether the frames of a flow show one flow, as far as its data can tell (see the top)."""
-    walls_move = flow.walls is not None and flow.walls.t is not None
-    if flow.t.size < PARTS or walls_move or not _surface_stays(flow):
+    if flow.t.size < PARTS or not _surface_stays(flow):
         return False
     speed, rms = _speeds(flow)
     parts = np.array_split(speed, PARTS)
@@ -162,12 +162,11 @@ def _standard_errors(sums: Float64, frames: int) -> tuple[float, float] | tuple[
 
 def _surface_stays(flow: Flow) -> bool:
     """Whether the free surface, or without a line the thickness of the grains, stays in place."""
-    own = turned.upright(flow)
-    step, line = own.spacing[1], own.surface
+    step, line = flow.spacing[1], flow.surface
     if line is None:
-        height = own.c.sum(axis=1, dtype=np.float64) * step
+        height = flow.c.sum(axis=1, dtype=np.float64) * step
     else:
-        height = line_heights(own.t, own.x, line)
+        height = line_heights(flow.t, flow.x, line)
     middle = np.stack([_mean(part) for part in np.array_split(height, PARTS)])
     moved = (middle - middle.mean(axis=0))[:, np.isfinite(middle).all(axis=0)]
     limit = max(flow.grain_diameter, step)
@@ -176,19 +175,17 @@ def _surface_stays(flow: Flow) -> bool:
 
 def _line(flow: Flow, surface: Surface, time: float) -> Surface:
     """The mean over the frames of a line with one height in every column; else all its points."""
-    k, x = turned.quarters(flow), turned.upright(flow).x
-    line = turned.points(surface, k)
-    folds = folded(flow.t, x, line).mean(axis=0)
+    x = flow.x
+    folds = folded(flow.t, x, surface).mean(axis=0)
     if flow.t.size == 1 or (folds > LEAST_FILLED).any():
         return replace(surface, t=np.full(surface.t.shape, time))
-    height = line_heights(flow.t, x, line)
+    height = line_heights(flow.t, x, surface)
     kept = np.isfinite(height).mean(axis=0) >= LEAST_FILLED * np.isfinite(height).any(axis=1).mean()
-    p = line.p
+    p = surface.p
     if p is not None:
-        p = _mean(line_heights(flow.t, x, replace(line, y=p.astype(np.float64))))[kept]
+        p = _mean(line_heights(flow.t, x, replace(surface, y=p.astype(np.float64))))[kept]
         p = p.astype(np.float32)
-    mean = Surface(np.full(int(kept.sum()), time), x[kept], _mean(height)[kept], p)
-    return turned.points(mean, -k)
+    return Surface(np.full(int(kept.sum()), time), x[kept], _mean(height)[kept], p)
 
 
 def _mean(values: Floats) -> Float64:

@@ -27,7 +27,6 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Floats, Index, nearest
 from granpinn.data.flow import SOLVER_CELL, SURFACE_SD, Flow, Surface
-from granpinn.physics.axes import vertical_coordinate
 
 SAME_TIME = 1e-6  # relative difference of times that are one
 STEEP = 2.0  # slope of the line from which it has no single height within a cell
@@ -44,7 +43,7 @@ def line_heights(t: Float64, x: Float64, line: Surface) -> Float64:
 
     Args:
         t: times of the frames [T], increasing.
-        x: places of the columns [X], in upright axes.
+        x: places of the columns [X].
     """
     height = np.full((len(t), len(x)), np.nan)
     for k, now in points_of(t, line.t):
@@ -145,8 +144,7 @@ def surface_sd(flow: Flow, level: str) -> float:
         flow: as in its file, before partly filled cells count as full.
     """
     grain, cell = flow.grain_diameter, flow.stated(SOLVER_CELL)
-    coordinate, _ = vertical_coordinate(flow.gravity)
-    between_rows = 0.0 if flow.particles is not None else HALF * flow.spacing[coordinate]
+    between_rows = 0.0 if flow.particles is not None else HALF * flow.spacing[1]
     if level == "V0" or flow.surface is None:
         return 0.0 if cell is not None else max(HALF * grain, between_rows)
     if SURFACE_SD in flow.attributes:
@@ -165,7 +163,7 @@ def from_fraction(flow: Flow, surface: Surface) -> float:
 
     c is averaged over the line at every distance from it, so errors of single points cancel.
     """
-    h = flow.spacing[vertical_coordinate(flow.gravity)[0]]
+    h = flow.spacing[1]
     normals = outward_normals(flow, surface)
     across = np.arange(-REACH, REACH + STEP / 2, STEP)
     profile = np.array([_c_at(flow, surface, a * h * normals).mean() for a in across])

@@ -30,7 +30,7 @@ import numpy as np
 
 from granpinn.arrays import Float64, Index
 from granpinn.data.flow import Flow
-from granpinn.data.large import runs
+from granpinn.data.large import thinned
 from granpinn.physics.axes import Axes
 
 LARGEST_VARIATION = 0.03  # of the rms velocity
@@ -58,7 +58,7 @@ def with_layer(flow: Flow) -> Flow:
     if flow.periodic or flow.surface is None or flow.particles is not None:
         return flow
     layer = replace(flow, layer=True)
-    return layer if same_along_x(runs(layer)) else flow
+    return layer if same_along_x(thinned(layer)) else flow
 
 
 def axes_of(flow: Flow) -> Axes:

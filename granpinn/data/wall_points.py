@@ -22,7 +22,6 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow, FlowFileWarning
-from granpinn.data.partial_cells import filled_slabs
 from granpinn.data.walls import Segments, crossed, samples, segments_of
 from granpinn.physics.terms import TERMS
 
@@ -63,19 +62,16 @@ class Touch(NamedTuple):
     target: Float64
 
 
-def _touch(whole: Flow, segments: Segments) -> Touch:
+def _touch(flow: Flow, segments: Segments) -> Touch:
     """The points of walls that grains touch, at the times of all frames."""
-    parts = []
-    for _, flow in filled_slabs(whole):
-        frames = np.flatnonzero(flow.after_start(flow.t))
-        for k, there in segments.spells(flow.t[frames]):
-            blocks = np.split(frames[k], range(AT_ONCE, k.size, AT_ONCE))
-            parts += [_touch_in(flow, block, there, max(flow.spacing)) for block in blocks]
+    frames = np.flatnonzero(flow.after_start(flow.t))
+    blocks = np.split(frames, range(AT_ONCE, frames.size, AT_ONCE))
+    parts = [_touch_in(flow, block, segments, max(flow.spacing)) for block in blocks]
     return Touch(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def _touch_in(flow: Flow, frames: Index, segments: Segments, spacing: float) -> Touch:
-    """The points at some frames, at which the same segments are there."""
+    """The points at some frames."""
     k, part = samples(segments, spacing)
     every = _between(segments.ends[k], part)
     rows = [_neighbors(flow, frame, every, REACH * spacing) for frame in frames]

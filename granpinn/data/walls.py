@@ -1,4 +1,4 @@
-"""Walls as straight segments: which of them are there at a time, and what they separate."""
+"""Walls as straight segments: and what they separate."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 from scipy.spatial import cKDTree
 
-from granpinn.arrays import Bool, Float64, Index, nearest
+from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Walls
 
 SMOOTH = 0.85  # cosine of the largest turn between segments of a curved wall
@@ -28,9 +28,8 @@ class Segments:
         normal: of the wall there, unit vectors [K, 2, 2], on its left. Those of a curved wall are
             the means of neighboring segments.
         sticks: whether grains move with the segment [K].
-        p, tau: known normal and shear stress at the points [K, 2], or NaN.
-        t: the time of the segment [K], NaN = at all times.
-        wall: number of its wall [K]. Pieces of different times in the same order are one wall.
+        p: known normal stress at the points [K, 2], or NaN.
+        wall: number of its wall [K].
     """
 
     ends: Float64
@@ -38,24 +37,7 @@ class Segments:
     normal: Float64
     sticks: Bool
     p: Float64
-    tau: Float64
-    t: Float64
     wall: Index
-
-    def some(self, k: Bool) -> Segments:
-        """The segments that `k` [K] chooses."""
-        return Segments(**{name: values[k] for name, values in vars(self).items()})
-
-    def spells(self, t: Float64) -> Iterator[tuple[Index, Segments]]:
-        """The numbers of the times t [n] at which the same segments are there, and these.
-
-        Of the segments with a time, those of the nearest time are there.
-        """
-        known = np.unique(self.t[np.isfinite(self.t)])
-        spell = nearest(known, t)
-        for k in np.unique(spell):
-            there = np.isnan(self.t) | np.isin(self.t, known[k : k + 1])
-            yield np.flatnonzero(spell == k), self.some(there)
 
     @property
     def length(self) -> Float64:
@@ -64,8 +46,7 @@ class Segments:
 
     def names(self) -> list[str]:
         """Every wall in words, by its first and its last point."""
-        order = np.argsort(self.wall, kind="stable")
-        ends, edges = self.ends[order], _edges(self.wall[order])
+        ends, edges = self.ends, _edges(self.wall)
         found = zip(ends[edges[:-1], 0], ends[edges[1:] - 1, 1], _closed(ends, edges), strict=True)
         return [
             f"the closed wall through ({a[0]:.4g}, {a[1]:.4g})"
@@ -79,11 +60,10 @@ def segments_of(walls: Walls) -> Segments:
     """The segments of walls that keep the rules of the format; points that repeat are left out."""
     m = walls.x.size
     place = np.stack([walls.x, walls.y], 1).astype(np.float64)
-    zero, unknown = np.zeros(m), np.full(m, np.nan)
+    zero = np.zeros(m)
     velocity = np.stack([zero if a is None else a for a in (walls.u, walls.v)], 1)
-    t = unknown if walls.t is None else walls.t
     sticks = zero if walls.slip is None else 1.0 - walls.slip
-    p, tau = (unknown if a is None else a.astype(np.float64) for a in (walls.p, walls.tau))
+    p = np.full(m, np.nan) if walls.p is None else walls.p.astype(np.float64)
     # A point that repeats the one before it is left out, and so is NaN, which parts two pieces.
     parts = np.isnan(walls.x)
     new = np.append(True, np.any(place[1:] != place[:-1], axis=1))
@@ -98,9 +78,7 @@ def segments_of(walls: Walls) -> Segments:
         _normals(place[pair], piece),
         np.asarray((sticks[pair] > 0).all(axis=1)),
         p[pair],
-        tau[pair],
-        t[pair[:, 0]],
-        _numbers(t[pair[_edges(piece)[:-1], 0]])[piece],
+        piece,
     )
 
 
@@ -108,20 +86,6 @@ def _edges(number: Index) -> Index:
     """Where groups of equal numbers [K] begin, and K."""
     steps = np.flatnonzero(np.diff(number)) + 1
     return np.concatenate([[0], steps, [len(number)]])[: len(number) + 1]
-
-
-def _numbers(t: Float64) -> Index:
-    """The number of the wall of each piece, by the times of the pieces.
-
-    A wall that moves is another one than those that stay, whose time is NaN.
-    """
-    time = np.where(np.isfinite(t), t, -np.inf)
-    order = np.argsort(time, kind="stable")
-    edges = _edges(np.unique(time[order], return_inverse=True)[1])
-    number = np.empty(len(t), np.intp)
-    number[order] = np.arange(len(t)) - np.repeat(edges[:-1], np.diff(edges))
-    stay = ~np.isfinite(t)
-    return number + np.where(stay, 0, stay.sum())
 
 
 def _normals(ends: Float64, piece: Index) -> Float64:
@@ -206,16 +170,11 @@ def _close(start: Float64, end: Float64, segments: Segments) -> Iterator[tuple[I
         yield np.repeat(np.arange(first, first + len(near)), size), owner[pieces]
 
 
-def parted(start: Float64, end: Float64, t: Float64, segments: Segments) -> Bool:
-    """Which of the paths [n, 2], each at a time [n], cross a wall that is there then.
-
-    A path without an end (NaN) crosses none.
-    """
+def parted(start: Float64, end: Float64, segments: Segments) -> Bool:
+    """Which of the paths [n, 2] cross a wall; a path without an end (NaN) crosses none."""
     found = np.zeros(len(start), bool)
     known = np.asarray(np.isfinite(end).all(axis=1))
-    for k, there in segments.spells(t):
-        k = k[known[k]]
-        found[k] = crossed(start[k], end[k], there)
+    found[known] = crossed(start[known], end[known], segments)
     return found
 
 

@@ -1,11 +1,12 @@
-r"""Derivatives of noisy velocities with known errors, by local linear least squares.
+r"""A flow on one dimensionless grid, and the derivatives of its velocities with known errors.
 
-In a window of cells around every cell, $u \approx u_0 + u_t\,\delta t + u_y\,\delta y +
-u_x\,\delta x$. The weight of a cell is its number of vectors. All windows are solved at once from
-moments, which are convolutions over cells of even spacing. An axis of two cells has no slope and an
-infinite error. In a steady flow $u_t = 0$ without an error. With white noise of standard deviation
-$\sigma$ the coefficients have the covariance $\sigma^2 M^{-1}$, with the matrix $M$ of second
-moments.
+The view of a flow of either layout has the mean of the vectors in every cell. Derivatives are those
+of local linear least squares: in a window of cells around every cell, $u \approx u_0 + u_t\,\delta
+t + u_y\,\delta y + u_x\,\delta x$. The weight of a cell is its number of vectors. All windows are
+solved at once from moments, which are convolutions over cells of even spacing. An axis of two cells
+has no slope and an infinite error. In a steady flow $u_t = 0$ without an error. With white noise of
+standard deviation $\sigma$ the coefficients have the covariance $\sigma^2 M^{-1}$, with the matrix
+$M$ of second moments.
 """
 
 from __future__ import annotations
@@ -17,10 +18,92 @@ from itertools import combinations_with_replacement
 import numpy as np
 from scipy.ndimage import correlate1d
 
-from granpinn.arrays import Bool, Float64, Index
-from granpinn.estimates.view import BETWEEN_RUNS, View
+from granpinn.arrays import Bool, Float32, Float64, Index, nearest
+from granpinn.data import Flow
+from granpinn.data.scaling import equation_constants
+from granpinn.physics.scales import Scales
 
-LARGEST_HALF_WIDTH = BETWEEN_RUNS  # of a window in cells, the same in t, y and x
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A flow in units of H0 and sqrt(|g| H0).
+
+    Attributes:
+        t, y, x: time [T] and cell centers [Y], [X].
+        u, v: velocity [T, Y, X], 0 in cells without vectors.
+        count: vectors per cell [T, Y, X]: 0 or 1 on a grid, any number for particles.
+        grains: cells full of grains [T, Y, X].
+        gravity: unit vector.
+        d: grain diameter of the inertial number (`granpinn.physics.scales.EquationConstants`).
+        steady: whether all frames show one flow.
+    """
+
+    t: Float64
+    y: Float64
+    x: Float64
+    u: Float64
+    v: Float64
+    count: Float64
+    grains: Bool
+    gravity: tuple[float, float]
+    d: float
+    steady: bool
+
+    @property
+    def there(self) -> Bool:
+        """Cells that hold at least one vector."""
+        there: Bool = self.count > 0
+        return there
+
+    @property
+    def steps(self) -> tuple[float, float, float]:
+        """Median spacing in t, y and x; that of t is infinite for one frame."""
+        y, x = (float(np.median(np.diff(axis))) for axis in (self.y, self.x))
+        return float(np.median(np.diff(self.t))) if self.t.size > 1 else math.inf, y, x
+
+
+def view_of(flow: Flow, scales: Scales) -> View:
+    """The flow as a View; a cell has the mean of the particles in it."""
+    material = equation_constants(flow, scales)
+    x_0, y_0, t_0 = scales.origin
+    count = flow.valid.astype(np.float64) if flow.particles is None else _counts(flow)
+    there = count > 0
+
+    def velocity(values: Float32) -> Float64:
+        scaled = scales.to_dimensionless(values.astype(np.float64), "velocity")
+        return np.where(there, scaled, 0.0)
+
+    return View(
+        t=scales.points_to_dimensionless(x_0, y_0, flow.t)[:, 2],
+        y=scales.points_to_dimensionless(x_0, flow.y, t_0)[:, 1],
+        x=scales.points_to_dimensionless(flow.x, y_0, t_0)[:, 0],
+        u=velocity(flow.u),
+        v=velocity(flow.v),
+        count=count,
+        grains=flow.material,
+        gravity=material.gravity,
+        d=material.grain_diameter,
+        steady=flow.steady,
+    )
+
+
+def _counts(flow: Flow) -> Float64:
+    """Particles in each cell of the view [T, Y, X]."""
+    assert flow.particles is not None
+    place = [
+        nearest(axis, values)
+        for axis, values in (
+            (flow.t, flow.particles.t),
+            (flow.y, flow.particles.y),
+            (flow.x, flow.particles.x),
+        )
+    ]
+    index = np.ravel_multi_index(tuple(place), flow.c.shape)
+    count = np.bincount(index, minlength=flow.c.size).reshape(flow.c.shape)
+    return np.where(np.isfinite(flow.u), count, 0).astype(np.float64)
+
+
+LARGEST_HALF_WIDTH = 4  # of a window in cells, the same in t, y and x
 AT_ONCE = 2**18  # windows that are solved at a time
 # The window grows until the error of the shear rate is below this part of its rms.
 WANTED_ERROR = 0.1

@@ -6,13 +6,12 @@ the strain rate, tau = q n, n = D/|D| (n_xx^2 + n_xy^2 = 1), and no stress on th
     N = p + q n_xx = int_y^h [rho (a_y - g_y) - d_x (q n_xy)] dy
     q n_xy         = int_y^h [-rho (a_x - g_x) - d_x (p - q n_xx)] dy
 
-go down every vertical line of cells. Under a plate on the grains, its pressure and shear stress are
-added. d_x is taken of the integrals, which vanish at the surface. In the terms with q itself,
-q = mu(I) p with the law mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) that fits the second line best.
-Both are iterated from q = 0.4 p. So the noise of q in a cell does not reach the cells below it, nor
-those where the shear is not parallel to the axes, |n_xy| << 1. A flow that is periodic along x is
-averaged along x first: then d_x = 0. Friction of side walls adds the force -k p v/|v| to rho g
-(granpinn/physics/side_walls.py), also iterated.
+go down every line of cells along y. d_x is taken of the integrals, which vanish at the surface. In
+the terms with q itself, q = mu(I) p with the law mu(I) = mu_s + (mu_2 - mu_s) I/(I + I0) that fits
+the second line best. Both are iterated from q = 0.4 p. So the noise of q in a cell does not reach
+the cells below it, nor those where the shear is not parallel to the axes, |n_xy| << 1. A flow that
+is periodic along x is averaged along x first: then d_x = 0. Friction of side walls adds the force
+-k p v/|v| to rho g (granpinn/physics/side_walls.py), also iterated.
 
 Velocities are smoothed by local quadratic fits. The error of the shear rate is estimated from what
 the fits leave, and its square is subtracted from that of the shear rate.
@@ -21,15 +20,68 @@ the fits leave, and its square is subtracted from that of the shear rate.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data import Flow
 from granpinn.data.flow import WALL_GAP
+from granpinn.data.surface import STEEP, folded, line_heights
 from granpinn.estimates.quadratic_fits import line_slopes, noise_of, smooth
-from granpinn.estimates.upright import Upright, upright
 from granpinn.physics.side_walls import AT_REST, coefficient
+
+NO_TOP = "the flow has no surface line, from which the stress is counted"
+EVEN = 0.02  # largest relative difference of the spacings of a regular axis
+
+
+class Upright(NamedTuple):
+    """Vectors on a regular grid below a surface line, in units of the file.
+
+    Attributes:
+        flow: on an even grid.
+        height: of the surface line in every column, [T, X]; NaN where there is no line.
+        clear: columns in whose neighbourhood the line exists, is not steep and does not fold,
+            [T, X].
+    """
+
+    flow: Flow
+    height: Float64
+    clear: Bool
+
+
+def upright(flow: Flow, reach: int) -> Upright | str:
+    """The flow with the height of its surface, or why the momentum balance cannot use it.
+
+    Args:
+        reach: columns on each side that the balance of a column uses.
+    """
+    line = flow.surface
+    if line is None or line.t.size == 0:
+        return NO_TOP
+    if flow.particles is not None:
+        return "the vectors are scattered, and it needs vectors on a grid"
+    for name, axis in (("x", flow.x), ("y", flow.y)):
+        if len(axis) < 5:
+            return f"there are {len(axis)} cells along {name}, and it needs 5"
+        step = np.diff(axis)
+        if not np.abs(step / step.mean() - 1).max() < EVEN:
+            return f"the cells are not evenly spaced along {name}"
+    height = line_heights(flow.t, flow.x, line)
+    steep = folded(flow.t, flow.x, line)
+    grains = np.asarray((flow.c > 0.5).any(axis=1))
+    return Upright(flow, height, _clear(height, steep, grains, flow.x, reach))
+
+
+def _clear(height: Float64, steep: Bool, grains: Bool, x: Float64, reach: int) -> Bool:
+    slope = np.abs(np.diff(height, axis=1)) / (x[1] - x[0]) > STEEP
+    bad = steep | (grains & ~np.isfinite(height))
+    bad[:, 1:] |= slope
+    bad[:, :-1] |= slope
+    wide = np.pad(bad, ((0, 0), (reach, reach)))
+    near = np.lib.stride_tricks.sliding_window_view(wide, 2 * reach + 1, axis=1)
+    return np.asarray(~near.any(axis=2) & np.isfinite(height))
+
 
 START = 0.4  # q/p before the first iteration
 LEAST_SHEAR = 0.7  # |n_xy| from which q is known
@@ -111,11 +163,10 @@ def momentum_balance(
     full &= (np.abs(n_xy) > LEAST_SHEAR) & (gdot > RATE_OVER_NOISE * error)
     gdot = np.sqrt(np.maximum(gdot**2 - error**2, 0.0))
     density = flow.density if flow.grain_density is None else flow.grain_density
-    pressure, drag = _load(pose, n_xy[full], flow.density)
     lines = _Lines(
-        drag=drag - _integral(flow.density * (filled(a_x) - flow.gravity[0]), below, dy),
-        weight=pressure + _integral(flow.density * (filled(a_y) - flow.gravity[1]), below, dy),
-        hydrostatic=pressure - flow.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
+        drag=-_integral(flow.density * (filled(a_x) - flow.gravity[0]), below, dy),
+        weight=_integral(flow.density * (filled(a_y) - flow.gravity[1]), below, dy),
+        hydrostatic=-flow.gravity[1] * flow.density * np.where(below > 0, below, np.inf),
         n_xx=n_xx,
         n_xy=n_xy,
         rate=gdot * flow.grain_diameter * np.sqrt(density),
@@ -130,19 +181,6 @@ def momentum_balance(
     return Stress(
         chosen, p, side * shear, p * np.abs(n_xy), number, below, used, sigma, error / usual
     )
-
-
-def _load(pose: Upright, n_xy: Float64, density: float) -> tuple[float, float]:
-    """Pressure and shear stress at the upper edge of the cells: those of the plate, and the weight
-    of the grains between both. Zero for a free surface."""
-    flow = pose.flow
-    p, tau = pose.load
-    if p == 0 and tau == 0:
-        return 0.0, 0.0
-    dy = float(np.diff(flow.y).mean())
-    between = max(0.0, float(pose.height.max() - flow.y[-1]) - dy / 2) * density
-    side = float(np.sign(np.mean(n_xy))) if n_xy.size else 0.0
-    return p - flow.gravity[1] * between, side * tau + flow.gravity[0] * between
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,8 +265,7 @@ def _frames(pose: Upright, half: int) -> Index | str:
     good: Bool = np.asarray(np.isfinite(pose.height).any(axis=1))
     if not flow.steady:
         step = np.diff(flow.t)
-        # In a flow of runs gaps lie between them.
-        usual = (np.median if flow.starts else np.mean)(step)
+        usual = np.mean(step)
         for k in range(n):
             near = step[max(0, k - half) : min(n - 1, k + half)]
             good[k] &= bool(np.abs(near / usual - 1).max() < 0.02)

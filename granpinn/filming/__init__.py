@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from granpinn.config import settings_of
 from granpinn.data.flow import Flow
-from granpinn.foreign import installed
 from granpinn.importers import DataFileError, Settings
 from granpinn.importers.reading import settings_from
 
 # Settings of a conversion that have no meaning for pictures.
 WITHOUT = (
-    *("format", "columns", "zeros", "keep_interpolated"),
+    *("format", "zeros", "keep_interpolated"),
     *("track_window", "pulse_delay", "times", "length_unit", "time_unit", "velocity_unit"),
     *("dimensionless", "flip_y", "window"),
 )
@@ -61,7 +61,7 @@ def film(
         DataFileError: the film or a setting cannot be used; one sentence.
     """
     own = settings_from(settings, FilmSettings, SETTINGS)
-    if not installed("cv2"):
+    if find_spec("cv2") is None:
         raise DataFileError("films need OpenCV: pip install 'granpinn[film]'")
     from granpinn.filming.measurement import measure  # imports OpenCV
 

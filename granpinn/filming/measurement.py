@@ -27,8 +27,8 @@ from granpinn.filming.survey import faults, release, survey
 from granpinn.filming.tracking import FEWEST, LONGEST, WINDOW, velocities
 from granpinn.importers import DataFileError, convert, units, vector_fields
 from granpinn.importers.limits import read_file
+from granpinn.importers.series import frames_of
 from granpinn.importers.settings import SURFACES
-from granpinn.importers.source import frames_of
 
 MAX_FIELDS = 200  # frames with vectors, unless --frames chooses others
 SAMPLES = 9  # pictures for the segmentation

@@ -18,8 +18,7 @@ from scipy.ndimage import gaussian_filter, median_filter
 
 from granpinn.data.flow import Surface
 from granpinn.filming.frames import Picture
-from granpinn.importers.density import without_holes
-from granpinn.importers.surface import HALF, from_fraction
+from granpinn.importers.surface import HALF, from_fraction, without_holes
 
 Level = npt.NDArray[np.float32]
 

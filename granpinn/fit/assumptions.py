@@ -10,8 +10,7 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 from granpinn.data.flow import WALL_GAP
-from granpinn.data.outline import surface_of
-from granpinn.data.partial_cells import with_partial_cells
+from granpinn.data.outline import surface_of, with_partial_cells
 from granpinn.data.surface import moved
 from granpinn.fit.case import Case, with_variants
 from granpinn.results.records import Assumed
@@ -38,7 +37,7 @@ def surface(case: Case) -> Assumption | None:
         seen = case.seen
         flows = [seen, seen]
         if level != "V0" and seen.surface:  # the line decides which partly filled cells count
-            stated = dataclasses.replace(seen, c=case.stated.c)
+            stated = dataclasses.replace(seen, c=case.flow.c)
             for k, higher in enumerate(moved(stated, seen.surface, -sd, sd)):
                 filled = with_partial_cells(dataclasses.replace(stated, surface=higher))
                 flows[k] = dataclasses.replace(seen, c=filled.c)

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -19,22 +18,19 @@ from granpinn.data import (
     add_noise,
     check_flow,
     known_sd,
-    large,
-    points,
     read_flow,
     training_set,
     with_partial_cells,
 )
+from granpinn.data.collocation import LARGEST_PART
 from granpinn.data.flow import Surface
-from granpinn.data.memory import available
-from granpinn.data.points import training_sets, vector_counts
+from granpinn.data.large import available
+from granpinn.data.points import training_sets, vector_count
 from granpinn.data.scaling import scales_of
 from granpinn.data.steady import said
 from granpinn.data.surface import surface_sd
-from granpinn.data.surface_strip import LARGEST_PART
 from granpinn.data.walls import segments_of
-from granpinn.estimates.facts import Facts
-from granpinn.estimates.inertia import inertial_numbers
+from granpinn.estimates.facts import Facts, inertial_numbers
 from granpinn.inspection import refuse_slips
 from granpinn.inspection.momentum_balance import Baseline, baseline
 from granpinn.kernels.network import NetworkSpec
@@ -53,7 +49,7 @@ class Shared:
     """Values of a flow that are made when they are first asked for.
 
     Args:
-        flow: as in its file; of a large flow, frames spread over its time.
+        flow: as in its file; of a large flow, every n-th frame.
         seen: as the training saw it.
         config: of the training.
     """
@@ -79,13 +75,11 @@ class Case:
     """A flow, the settings to identify it with, and the part of it that training uses.
 
     Attributes:
-        flow: as in its file; of a large flow, frames spread over its time (granpinn/data/large.py).
+        flow: as in its file; of a large flow, every n-th frame (granpinn/data/large.py).
         slips: likely mistakes of the flow, which were warned of.
         config: with the seed and the I0 of this case.
         seen: the flow that training uses: with added noise and its partly filled cells under the
-            surface, without the true values; of a large flow, runs of frames.
-        stated: the frames of `seen` as in the file.
-        whole: a large flow with all its frames, from which the training points come; else None.
+            surface, without the true values.
         known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
         facts: what the vectors of `seen` show; members of one flow share it.
         shared: further values of this flow, which members of one flow share.
@@ -97,24 +91,14 @@ class Case:
     scales: Scales
     member: Member
     seen: Flow
-    stated: Flow
-    whole: Flow | None
     known_sd: float
     facts: Facts
     shared: Shared
 
     @property
     def sampled(self) -> str | None:
-        """What of a large flow is used for what, or that a flow is a mean, in words."""
-        if self.whole is None:
-            return said(self.flow)
-        runs, points = len(self.seen.starts), self.member.data.points
-        return (
-            f"large flow: {len(points):,} vectors of {np.unique(points[:, 2]).size} of "
-            f"{self.whole.t.size} frames train; noise, symmetries and momentum balance are those "
-            f"of {self.seen.t.size} frames in {runs} runs; fields, figures and errors are those of "
-            f"{self.flow.t.size} frames"
-        )
+        """Which frames of a large flow are used, or that a flow is a mean, in words."""
+        return said(self.flow)
 
 
 @dataclass(frozen=True)
@@ -158,25 +142,18 @@ def sound(flow: Flow | str | os.PathLike[str]) -> tuple[Flow, tuple[Reason, ...]
     else:
         flow = read_flow(flow)
     checked = refuse_slips(flow)
-    return checked.whole, checked.slips
+    return checked.flow, checked.slips
 
 
 def posed(flow: Flow, slips: tuple[Reason, ...], config: Config) -> Case:
     """The problem of a sound flow with its likely slips."""
     # Training gets neither the true parameters nor the reference pressure.
     bare = dataclasses.replace(flow, truth=None, p=None)
-    whole = bare if large.is_large(flow) else None
-    if whole is not None and config.noise:
-        raise ConfigError(
-            f"--noise adds noise to flows of at most {large.MOST_CELLS:,} cells, got "
-            f"{flow.c.size:,}: leave it out, or choose fewer frames"
-        )
     need_of_case(bare, config).require(available(), "memory")
-    stated = large.runs(bare)
-    seen = add_noise(stated, config.noise, config.seed)
-    scales = scales_of(seen if whole is None else whole)
+    seen = add_noise(bare, config.noise, config.seed)
+    scales = scales_of(seen)
     seen = with_partial_cells(seen)
-    data = training_set(seen if whole is None else whole, scales, *of_points(config))
+    data = training_set(seen, scales, *of_points(config))
     facts = Facts(seen, scales)
     built = problem.build(facts, data, config)
     law = LAWS[config.law]
@@ -185,28 +162,23 @@ def posed(flow: Flow, slips: tuple[Reason, ...], config: Config) -> Case:
             f"--form {config.form} needs a law of granpinn, got your own law {law.name}: take the "
             "mixed form"
         )
-    shown = large.spread(flow)
-    member = Member(built, data, config.seed, law, fixed_values(config, facts), shown)
-    if whole is None:
-        stated = flow
+    member = Member(built, data, config.seed, law, fixed_values(config, facts), flow)
     return Case(
-        flow=shown,
+        flow=flow,
         slips=slips,
         config=config,
         scales=scales,
         member=member,
         seen=seen,
-        stated=stated,
-        whole=whole,
         known_sd=known_sd(seen),
         facts=facts.without_arrays(),
-        shared=Shared(shown, seen, config),
+        shared=Shared(flow, seen, config),
     )
 
 
 def need_of_case(flow: Flow, config: Config) -> room.Need:
     """What the training of a flow will need: its members, and copies for two assumptions."""
-    big, count = large.is_large(flow), most_points(flow, config.batch.collocation)
+    count = most_points(flow, config.batch.collocation)
     device = choose_device(config.device).type
     need = room.need_of(config, config.members, [count], device, copies=COPIES)
     if device == "cuda":  # the GPU has the networks
@@ -214,14 +186,14 @@ def need_of_case(flow: Flow, config: Config) -> room.Need:
     each = room.POINT * getattr(torch, config.dtype).itemsize * count
     return dataclasses.replace(
         need,
-        points=points.MOST_BYTES if big else each,
-        flow=room.CELL * (large.most_cells(flow) if big else flow.c.size),
+        points=each,
+        flow=room.CELL * flow.c.size,
     )
 
 
 def most_points(flow: Flow, share: float) -> int:
     """Points of a training set at most: vectors, points between them, in the strip, on walls."""
-    _, vectors = vector_counts(flow)
+    vectors = vector_count(flow)
     between = round(share * vectors) if flow.particles is None else 0
     walls = 0
     if flow.walls is not None:
@@ -251,8 +223,8 @@ def fixed_values(config: Config, facts: Facts) -> dict[str, float]:
 
 def with_variants(case: Case, variants: Sequence[tuple[Flow, Surface]]) -> list[Member]:
     """The member of a case with the data of variants of its flow (`training_sets`)."""
-    walled = case.member.data if case.whole is None else None
-    sets = training_sets(variants, case.seen, case.scales, *of_points(case.config), walled)
+    settings = of_points(case.config)
+    sets = training_sets(variants, case.seen, case.scales, *settings, case.member.data)
     return [dataclasses.replace(case.member, data=data) for data in sets]
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Floats
 from granpinn.data import Flow
-from granpinn.data.norms import relative_l2
+from granpinn.data.points import relative_l2
 from granpinn.results import ErrorPercent, Fields, Parameter, Parameters
 from granpinn.results.fields import after_start, flowing
 

@@ -5,6 +5,6 @@ so alone, with limits of memory and time. The modules of the readers run in that
 one kind of file and holds the policy for it. `program.py` is the process, `process.py` asks it.
 """
 
-from granpinn.foreign.process import installed, read_foreign, start
+from granpinn.foreign.process import read_foreign, start
 
-__all__ = ["installed", "read_foreign", "start"]
+__all__ = ["read_foreign", "start"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import importlib.util
 import json
 import mmap
 import os
@@ -107,18 +106,12 @@ def start() -> None:
             _running.append(_Process())
 
 
-def installed(library: str) -> bool:
-    """Whether the library can be imported."""
-    return importlib.util.find_spec(library) is not None
-
-
 def read_foreign(
     reader: str,
     path: Path,
     n_bytes: int,
     *,
     max_bytes: int | None = None,
-    least_bytes: int | None = None,
     **request: Any,
 ) -> Any:
     """What a reader gives for a file: JSON, in which arrays are NumPy arrays.
@@ -127,13 +120,12 @@ def read_foreign(
         reader: the name of a module of this package.
         n_bytes: size of all files that belong to it; it limits time and memory.
         max_bytes: of all arrays; by default from the size of the files.
-        least_bytes: of this default; LEAST_BYTES where it is not given.
         request: further arguments of the reader.
 
     Raises:
         UnsafeFileError: the reader refuses the file, crashes on it, or takes too long.
     """
-    limit = max_bytes or min(max(least_bytes or LEAST_BYTES, BYTES_PER_BYTE * n_bytes), MOST_BYTES)
+    limit = max_bytes or min(max(LEAST_BYTES, BYTES_PER_BYTE * n_bytes), MOST_BYTES)
     seconds = SECONDS + n_bytes / BYTES_PER_SECOND
     asked = {"reader": reader, "path": str(path.absolute()), **request}
     asked |= {"max_bytes": limit, "seconds": seconds}

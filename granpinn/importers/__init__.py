@@ -2,19 +2,17 @@
 
 The files of this folder in the order in which a conversion passes them:
 
-    series.py       files and patterns -> one file after another
+    series.py       files and patterns -> vectors of all frames, with their times
     formats.py      the format of a file, from its first bytes; the table of readers
-    NAME.py         a reader gives `VectorFields`, in the units of the file (vectors.py). Text is
-                    read by textfile.py (rows), columns.py (names, units), tables.py (grids);
-                    other files by a library in the process of granpinn.foreign (limits.py)
-    source.py       times, validity and frames of the vectors
-    frame.py        units, axes and gravity -> `Frame`, which takes everything to SI (units.py)
+    columns.py      tables of text: names and units of columns; grids.py and tracks.py read them,
+                    pivlab_mat.py and arrays.py other files. All give `VectorFields` (vectors.py),
+                    in the units of the file; libraries open the files (limits.py)
+    frame.py        units (units.py), axes and gravity -> `Frame`, which takes everything to SI
     statements.py   what files and flags state twice must agree
-    material.py     constants of the grains, from settings.py
     points.py       given lines of the surface and walls
-    building.py     grains (grains.py), surface (surface.py, density.py) -> `Flow`
+    conversion.py   the whole chain; grains (grains.py), surface (surface.py), settings -> `Flow`
 
-conversion.py is this chain; reading.py calls it from Python, granpinn/convert.py as a command.
+reading.py calls conversion.py from Python, granpinn/commands/convert.py as a command.
 """
 
 from granpinn.importers.arrays import from_arrays

@@ -5,25 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from granpinn.data.reader import is_flow_file
-from granpinn.importers import (
-    arrays,
-    basilisk,
-    davis,
-    insight,
-    openpiv,
-    pivlab_mat,
-    pivlab_text,
-    tracks,
-)
-from granpinn.importers.textfile import encoding_of
+from granpinn.data.flow_file import is_flow_file
+from granpinn.importers import arrays, grids, pivlab_mat, tracks
+from granpinn.importers.columns import head_of
 from granpinn.importers.vectors import DataFileError, VectorFields
 from granpinn.output import shell_word
-from granpinn.regular import UnsafeFileError, first_bytes
-
-HEAD = 4096  # bytes for the detection of a format
 
 
 @dataclass(frozen=True)
@@ -34,44 +21,33 @@ class Format:
         title: for messages and --help.
         sniff: tests the path and the first bytes of a file for this format.
         read: reads a file as vector fields.
-        options: names of further arguments of `read`.
     """
 
     title: str
     sniff: Callable[[Path, bytes], bool]
     read: Callable[..., VectorFields]
-    options: tuple[str, ...] = ()
 
 
+TRACKS = "tracks"
 # Strict tests come before weak ones.
 FORMATS = {
-    "pivlab-mat": Format(
-        "PIVlab .mat: frame, all frames or session", pivlab_mat.sniff, pivlab_mat.read
-    ),
-    "tracks": Format(
-        "tracks of particles, a table: trackpy, TrackMate, TracTrac, opyf",
+    "pivlab-mat": Format("PIVlab .mat: frame or all frames", pivlab_mat.sniff, pivlab_mat.read),
+    TRACKS: Format(
+        "tracks of particles, a table: trackpy, TrackMate, TracTrac",
         tracks.sniff,
         tracks.read,
-        ("window", "columns"),
     ),
-    "pivlab": Format("PIVlab text", pivlab_text.sniff, pivlab_text.read),
-    "insight": Format("TSI Insight .vec", insight.sniff, insight.read),
-    "davis": Format("LaVision DaVis text", davis.sniff_text, davis.read_text_export),
-    "vc7": Format("LaVision DaVis .vc7 (needs lvpyio)", davis.sniff_vc7, davis.read_vc7),
-    "basilisk": Format("Basilisk output_field", basilisk.sniff, basilisk.read, ("columns",)),
-    "openpiv": Format("OpenPIV text", openpiv.sniff, openpiv.read),
+    "pivlab": Format("PIVlab text", grids.is_pivlab, grids.read_pivlab),
+    "davis": Format("LaVision DaVis text", grids.is_davis, grids.read_davis),
+    "basilisk": Format("Basilisk output_field", grids.is_basilisk, grids.read_basilisk),
+    "openpiv": Format("OpenPIV text", grids.is_openpiv, grids.read_openpiv),
     "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
 }
 
 
 def detect(path: Path) -> str:
     """The name of the format of a file, from its content."""
-    try:
-        head = first_bytes(path, HEAD)
-    except UnsafeFileError as error:
-        raise DataFileError(f"{path}: {error}") from None
-    if (encoding := encoding_of(head)).startswith("utf-16"):
-        head = head.decode(encoding, "ignore").encode()
+    head = head_of(path)
     if not head:
         raise DataFileError(f"{path} is empty, expected vectors: export it again")
     for name, found in FORMATS.items():
@@ -85,14 +61,3 @@ def detect(path: Path) -> str:
         f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, export the "
         "vectors as plain arrays (.npz) or a table, or take them as arrays in Python"
     )
-
-
-def read_file(path: Path, name: str, options: dict[str, Any]) -> VectorFields:
-    """One file in a format of that name.
-
-    Args:
-        options: values of the further arguments of all readers.
-    """
-    chosen = FORMATS[name]
-    taken = {key: value for key, value in options.items() if key in chosen.options}
-    return chosen.read(path, **taken)

@@ -1,24 +1,25 @@
 """Conversion from the units and axes of the files to SI (or none).
 
-The axes of the result are x to the right and y up.
+The axes of the result are x to the right and y up. Two statements of one quantity, by files, their
+headers and flags, that differ by more than `TOLERANCE` stop the conversion. The message has both
+values, their sources and what settles it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.config.fields import flag_of
 from granpinn.importers import units
-from granpinn.importers.numerals import number
+from granpinn.importers.grids import MIXED, ROWS
 from granpinn.importers.settings import Settings
-from granpinn.importers.tables import MIXED, ROWS
-from granpinn.importers.vectors import TRACK_WINDOW, DataFileError, VectorFields
+from granpinn.importers.vectors import CALU, CALUV, CALXY, TRACK_WINDOW, DataFileError, VectorFields
 
-# The fact: settings that pairs of images need which are not consecutive, by their names.
-PAIRS = "pairs_need"
 HALF = 0.5  # a field between two images is half way between them
 
 
@@ -110,8 +111,8 @@ class Frame:
         if self.dimensionless:
             found = units.plain(text, flag)
         else:
-            number, unit = units.split(text, flag)
-            found = number * self.factor(unit or "1", dimension, flag)
+            value, unit = units.split(text, flag)
+            found = value * self.factor(unit or "1", dimension, flag)
         return units.in_range(found, flag, text)
 
 
@@ -136,11 +137,6 @@ def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
         missing.append("--frame-rate, such as '500 Hz' (the files hold no time)")
     elif not (settings.pulse_delay or settings.frame_rate) and units.has(velocity, "frame"):
         missing.append("--pulse-delay, such as '2 ms' (the vectors are per pair of images)")
-    missing += [
-        f"{flag_of(name)} (the names of the images show pairs that are not of consecutive ones)"
-        for name in fields.facts.get(PAIRS, "").split()
-        if getattr(settings, name) is None
-    ]
     unclear = units.has(length, "px") or fields.facts.get(ROWS) == MIXED
     if settings.flip_y == "auto" and fields.y_down is None and unclear:
         missing.append("--flip-y yes or no (the files do not say whether y points down)")
@@ -184,8 +180,11 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         g = settings.number("gravity")
     assert g is not None
     angle = units.si(settings.tilt, "angle", "--tilt")
-    if abs(angle) > math.pi:
-        raise DataFileError(f"--tilt must be an angle from -180 to 180 deg, got {settings.tilt!r}")
+    if not abs(angle) < math.pi / 2:
+        raise DataFileError(
+            f"--tilt must be an angle between -90 and 90 deg, got {settings.tilt!r}: turn the "
+            "pictures by quarters first"
+        )
     if TRACK_WINDOW in fields.facts:
         if settings.velocity_unit and not math.isclose(velocity, length / time):
             raise DataFileError(
@@ -240,7 +239,119 @@ def _origin(fields: VectorFields, settings: Settings, up: int) -> tuple[float, f
         return 0.0, 0.0
     parts = settings.origin.strip("()[] ").split(",")
     try:
-        x0, y0 = (number(part, "--origin") for part in parts)
+        x0, y0 = (units.number(part, "--origin") for part in parts)
     except ValueError:
         raise DataFileError(f"--origin must be two numbers x,y, got {settings.origin!r}") from None
     return x0, y0
+
+
+TOLERANCE = 0.02  # relative
+NEVER_SET = 1.0  # s between two images, the default of programs
+
+
+class Statement(NamedTuple):
+    """A value, as `text` in a message, and who states it."""
+
+    value: float
+    text: str
+    source: str
+
+
+def _require_equal(quantity: str, settle: str, first: Statement, other: Statement) -> None:
+    """Refuses statements of one quantity that differ; `settle` is what the user can do."""
+    if not math.isclose(first.value, other.value, rel_tol=TOLERANCE):
+        said = ", ".join(f"{one.source} says {one.text}" for one in (first, other))
+        raise DataFileError(f"{quantity} is stated twice: {said}: {settle}")
+
+
+def calibration(facts: Mapping[str, str]) -> tuple[float | None, float | None]:
+    """Meters per pixel and seconds between the images of a pair, None where a file states none.
+
+    PIVlab writes the factors 1 and 1 for vectors that are not calibrated.
+    """
+    if CALXY not in facts:
+        return None, None
+    pixel, velocity = (
+        abs(units.number(facts.get(name, "0"), f"the header: {name}"))
+        for name in (CALXY, CALUV if CALUV in facts else CALU)
+    )
+    if pixel == 0 or pixel == velocity == 1:
+        return None, None
+    return pixel, pixel / velocity if velocity else None
+
+
+def require_agreement(fields: VectorFields, settings: Settings, frame: Frame) -> None:
+    """Refuses settings that contradict the files.
+
+    Args:
+        fields: all vectors, in the units of the files.
+
+    Raises:
+        DataFileError: a quantity is stated twice.
+    """
+    if settings.dimensionless:
+        return
+    pixel, delay = calibration(fields.facts)
+    if pixel is not None and settings.scale is not None and frame.pixel is not None:
+        _require_equal(
+            "the size of a pixel",
+            "leave --scale out if the header is right, else export the vectors in pixels",
+            Statement(pixel, units.shown(pixel, "m/px"), "the header"),
+            Statement(frame.pixel, settings.scale, "--scale"),
+        )
+    if delay is not None and frame.delay is not None:
+        _delay(fields, settings, frame.delay, delay)
+    _interval(fields, settings, frame)
+    _require_same_units(fields, settings)
+
+
+def _delay(fields: VectorFields, settings: Settings, given: float, stated: float) -> None:
+    """The time between the images of a pair, `given` by a flag and `stated` by the header."""
+    never = stated == NEVER_SET
+    if never and units.has(settings.velocity_unit or fields.velocity_unit, "frame"):
+        return
+    flag = "--frame-rate" if settings.pulse_delay is None else "--pulse-delay"
+    shown = units.shown(stated, "s")
+    _require_equal(
+        "the time between the two images of a pair",
+        f'give --pulse-delay "{shown}" for double frames if the header is right, '
+        + "--velocity-unit m/frame if its time was never set, " * never
+        + "or export the vectors in pixels if it is wrong",
+        Statement(stated, shown + " (exactly 1, so probably never set)" * never, "the header"),
+        Statement(given, units.shown(given, "s"), f"{flag} (you)"),
+    )
+
+
+def _interval(fields: VectorFields, settings: Settings, frame: Frame) -> None:
+    unit = settings.time_unit or fields.time_unit
+    times = np.unique(fields.t)
+    interval = frame.interval
+    if interval is None or frame.counts or times.size < 2:
+        return
+    steps = np.diff(times) * frame.time  # the shortest one is that of a film without lost frames
+    step = min(float(np.median(steps)), float(steps.min()), key=lambda s: abs(s - interval))
+    source = "--times" if settings.times else "the file"
+    _require_equal(
+        "the time between two frames",
+        "leave --frame-rate out if these times are right, or give --pulse-delay "
+        f"'{units.shown(interval, 's')}' in its place if the images of a pair are so far apart; "
+        f"else give --time-unit frame to count the frames, or another one if it is not {unit}",
+        Statement(step, units.shown(step, "s"), source),
+        Statement(interval, units.shown(interval, "s"), "--frame-rate"),
+    )
+
+
+def _require_same_units(fields: VectorFields, settings: Settings) -> None:
+    for name in ("length_unit", "time_unit", "velocity_unit"):
+        stated, given = getattr(fields, name), getattr(settings, name)
+        if TRACK_WINDOW in fields.facts and name == "velocity_unit":
+            continue  # it follows from the others
+        if stated and given and units.same_dimension(stated, given):
+            flag = f"--{name.replace('_', '-')}"
+            _require_equal(
+                f"the {name.replace('_', ' ')}",
+                f"leave {flag} out (the flow file has SI units, whatever the files have), or "
+                "export the file again if it is wrong",
+                Statement(1.0, stated, "the file"),
+                Statement(units.ratio(given, stated, flag), given, flag),
+            )

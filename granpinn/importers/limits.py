@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from granpinn.data.memory import available
+from granpinn.data.large import available
 from granpinn.foreign import read_foreign
 from granpinn.importers.vectors import DataFileError
 from granpinn.regular import UnsafeFileError, open_regular_file
@@ -62,9 +62,9 @@ def open_file(path: Path, max_bytes: int) -> BinaryIO:
         raise DataFileError(f"{path}: {error}") from None
 
 
-def file_bytes(path: Path) -> int:
+def file_bytes(path: Path, max_bytes: int = MAX_BYTES) -> int:
     """Size of one regular file, which may not be empty."""
-    with open_regular_file(path, MAX_BYTES) as stream:
+    with open_regular_file(path, max_bytes, "split it into one file per frame") as stream:
         return os.fstat(stream.fileno()).st_size
 
 

@@ -2,9 +2,7 @@
 
 - one frame: matrices u, v, x, y, typevector, and calxy, caluv;
 - all frames: cell arrays x, y, u_filtered, v_filtered, typevector_filtered and the same with
-  `_original`, with calxy, calu, calv and `units`;
-- a saved session: `resultslist`, one column per frame: x, y, u, v, types in rows 1 to 5, the
-  filtered u, v, types in rows 7 to 9; always in pixels, the calibration beside it.
+  `_original`, with calxy, calu, calv and `units`.
 
 Filtered vectors are read if the file has them, but no smoothed ones: smoothing changes the strain
 rate. Rows of the matrices run from the top of the image. Types as in the text exports.
@@ -17,20 +15,24 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.importers.gaps import GAPS, split_gaps
+from granpinn.importers.grids import PIVLAB_TYPES
 from granpinn.importers.limits import read_file
-from granpinn.importers.pivlab_text import TYPES
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+from granpinn.importers.vectors import (
+    CALIBRATION,
+    GAPS,
+    DataFileError,
+    Validity,
+    VectorFields,
+    split_gaps,
+    vector_fields,
+)
 
 Matlab = dict[str, Any]  # variables, as granpinn.foreign.matlab gives them
 NAMES = (
     *("x", "y", "u", "v", "typevector", "calxy", "caluv", "calu", "calv", "units"),
     *(f"{n}_{kind}" for n in ("u", "v", "typevector") for kind in ("original", "filtered")),
-    *("displacement_only", "resultslist"),
+    "displacement_only",
 )
-# Rows of a session's resultslist.
-_X, _Y = 0, 1
-_ORIGINAL, _FILTERED = (2, 3, 4), (6, 7, 8)
 
 
 def sniff(path: Path, head: bytes) -> bool:
@@ -43,8 +45,6 @@ def sniff(path: Path, head: bytes) -> bool:
 def read(path: Path) -> VectorFields:
     """All frames of a file; see the module for the layouts."""
     file = read_file("matlab", path, names=NAMES)
-    if "resultslist" in file:
-        return _session(path, file)
     if "u_original" in file or "u_filtered" in file:
         return _all_frames(path, file)
     if all(name in file for name in ("x", "y", "u", "v")):
@@ -52,8 +52,8 @@ def read(path: Path) -> VectorFields:
         types = _cells(file, "typevector") or [None]
         return _fields(path, file, [(*frame, *types)], _units(path, file))
     raise DataFileError(
-        f"{path} must hold x, y and u, v or u_original, or resultslist, as PIVlab saves them, got "
-        "none of these: export the vectors or save the session from PIVlab"
+        f"{path} must hold x, y and u, v or u_original, as PIVlab saves them, got "
+        "none of these: export the vectors from PIVlab as a MATLAB file"
     )
 
 
@@ -94,21 +94,6 @@ def _is_field(part: Any) -> bool:
     return isinstance(part, np.ndarray) and part.size > 1
 
 
-def _session(path: Path, file: Matlab) -> VectorFields:
-    table = file["resultslist"]
-    if not isinstance(table, dict) or len(table["shape"]) != 2:
-        raise DataFileError(f"{path}: resultslist must be a cell array, got something else")
-    rows = table["shape"][0]
-    frames = []
-    for first in range(0, len(table["cells"]), max(rows, 1)):
-        column = table["cells"][first : first + rows]
-        if rows > max(_ORIGINAL) and _is_field(column[_X]):
-            filtered = rows > max(_FILTERED) and _is_field(column[_FILTERED[0]])
-            chosen = (_X, _Y, *(_FILTERED if filtered else _ORIGINAL))
-            frames.append(tuple(column[k] for k in chosen))
-    return _fields(path, file, frames, ("px", "px/frame"), y_down=True)
-
-
 def _units(path: Path, file: Matlab) -> tuple[str, str]:
     """Units of an export: calibrated values are in meters already."""
     position = _number(path, file, "calxy", 1.0)
@@ -125,7 +110,6 @@ def _fields(
     file: Matlab,
     frames: list[tuple[Any, ...]],
     units: tuple[str, str],
-    y_down: bool | None = None,
 ) -> VectorFields:
     if not frames:
         raise DataFileError(f"{path} holds no analyzed frame: analyze the images in PIVlab first")
@@ -150,16 +134,15 @@ def _fields(
             )
     u, v = (np.stack([frame[i] for frame in frames]) for i in (2, 3))
     if frames[0][4] is None:
-        facts = {"vector_types": "no", "mask": GAPS}
+        facts = {"mask": GAPS}
         codes = split_gaps(np.isfinite(u) & np.isfinite(v))
     else:
-        facts = {"vector_types": "yes"}
+        facts = {}
         types = np.stack([frame[4] for frame in frames])
         codes = np.full(u.shape, Validity.INVALID, np.int8)
-        for kind, code in TYPES.items():
+        for kind, code in PIVLAB_TYPES.items():
             codes[types == kind] = code
-    calibration = {name: _number(path, file, name, np.nan) for name in ("calxy", "calu", "caluv")}
-    down = bool(y[-1, 0] > y[0, 0]) if y_down is None else y_down
+    calibration = {name: _number(path, file, name, np.nan) for name in CALIBRATION}
     return vector_fields(
         t=np.arange(len(frames)),
         y=y[:, 0],
@@ -170,6 +153,6 @@ def _fields(
         length_unit=units[0],
         time_unit="frame",
         velocity_unit=units[1],
-        y_down=down,
+        y_down=bool(y[-1, 0] > y[0, 0]),
         facts={k: f"{n:g}" for k, n in calibration.items() if np.isfinite(n)} | facts,
     )

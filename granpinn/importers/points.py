@@ -1,7 +1,7 @@
 """Points of the free surface and of walls, from tables and arrays, in the axes of the vectors.
 
-A column with a unit in brackets is in that unit; the others have the units of the vectors. p and
-tau have the unit of pressure of the flow file.
+A column with a unit in brackets is in that unit; the others have the units of the vectors. p
+has the unit of pressure of the flow file.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from granpinn.importers.vectors import DataFileError
 DIMENSIONS = {
     **dict.fromkeys(("x", "y"), "length"),
     **dict.fromkeys(("u", "v"), "velocity"),
-    **dict.fromkeys(("p", "tau"), "pressure"),
+    "p": "pressure",
 }
-WALL_COLUMNS = {name: NAMES.get(name, (name,)) for name in (*DIMENSIONS, "t", "slip")}
+WALL_COLUMNS = {name: NAMES.get(name, (name,)) for name in (*DIMENSIONS, "slip")}
 
 
 def read_surface(path: Path, frame: Frame) -> Surface:
@@ -43,7 +43,7 @@ def read_surface(path: Path, frame: Frame) -> Surface:
 def read_walls(path: Path, frame: Frame) -> Walls:
     """The walls of a table with the columns x, y of points in order, nan between two pieces.
 
-    Further columns are t, u, v, slip, p and tau.
+    Further columns are u, v, slip and p.
 
     Raises:
         DataFileError: the file is no such table.
@@ -52,14 +52,14 @@ def read_walls(path: Path, frame: Frame) -> Walls:
     if len(table.columns) < len(table.named):
         names = ", ".join(column.name for column in table.named)
         raise DataFileError(
-            f"{path} must have a first line with the columns x, y and any of t, u, v, slip, p, "
-            f"tau, got {names[:60]}: leave out the other columns"
+            f"{path} must have a first line with the columns x, y and any of u, v, slip and "
+            f"p, got {names[:60]}: leave out the other columns"
         )
     require_finite(path, table.columns, nan=True)
     si = _in_si(path, table, frame)
     if "v" in si:
         si["v"] = frame.up * si["v"]
-    single = {n: si[n].astype(np.float32) for n in ("slip", "p", "tau") if n in si}
+    single = {n: si[n].astype(np.float32) for n in ("slip", "p") if n in si}
     return Walls(**si | single)
 
 

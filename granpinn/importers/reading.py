@@ -11,11 +11,10 @@ import numpy.typing as npt
 
 from granpinn.data.flow import Flow
 from granpinn.declared import checked
-from granpinn.importers.arrays import ARRAYS
+from granpinn.importers.arrays import ARRAYS, from_dataset
 from granpinn.importers.conversion import convert
-from granpinn.importers.datasets import from_dataset
+from granpinn.importers.series import Source
 from granpinn.importers.settings import SURFACES, Settings
-from granpinn.importers.source import Source
 from granpinn.importers.vectors import DataFileError
 
 S = TypeVar("S", bound=Settings)

@@ -1,36 +1,184 @@
-"""Many files, one per frame, as one set of vector fields."""
+"""The vectors of a conversion: files, one per frame, their times, and the frames to use."""
 
 from __future__ import annotations
 
 import itertools
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from granpinn.importers.columns import GROUPS
-from granpinn.importers.formats import FORMATS, detect, read_file
-from granpinn.importers.frame import PAIRS
+from granpinn.arrays import Float64
+from granpinn.importers import units
+from granpinn.importers.arrays import from_arrays
+from granpinn.importers.columns import (
+    GROUPS,
+    NAMES,
+    Column,
+    is_number,
+    read_headed,
+    read_table,
+    require_finite,
+    text_lines,
+)
+from granpinn.importers.formats import FORMATS, TRACKS, detect
+from granpinn.importers.grids import MIXED, ROWS
 from granpinn.importers.limits import require_room
-from granpinn.importers.statements import require_one_calibration
-from granpinn.importers.tables import MIXED, ROWS
-from granpinn.importers.vectors import IMAGES, DataFileError, VectorFields, vector_fields
+from granpinn.importers.settings import Settings
+from granpinn.importers.vectors import (
+    CALIBRATION,
+    TRACK_WINDOW,
+    DataFileError,
+    Validity,
+    VectorFields,
+    vector_fields,
+)
 
 AUTO = "auto"
 MAX_PATH = 4096  # of Linux
 _NUMBER = re.compile(r"(\d++(?:\.\d++)?)")
+Source = str | Path | Sequence[str | Path] | VectorFields | Mapping[str, Any]
+_TIME = re.compile(r"(-?)(\d++(?:\.\d++)?(?:[eE][-+]?\d++)?)")
 _SAME_GRID = 1e-6  # of the extent
-_MAX_DIGITS = 10  # of the number of an image
+
+
+def vectors_of(source: Source, settings: Settings) -> VectorFields:
+    """The vectors of the source, with the times of --times."""
+    if isinstance(source, VectorFields):
+        fields = source
+    elif isinstance(source, Mapping):
+        fields = from_arrays(source)
+    else:
+        count = settings.times is not None or units.has(settings.time_unit, "frame")
+        fields = read_vectors(source, settings.format, settings.track_window, count=count)
+    if settings.times is not None:
+        fields = _with_times(fields, settings, settings.times, source)
+    if settings.dimensionless and {fields.length_unit, fields.velocity_unit} - {None, "1", "-"}:
+        raise DataFileError(
+            f"--dimensionless contradicts the files, whose lengths are in {fields.length_unit} and "
+            f"velocities in {fields.velocity_unit}: leave it out and give the calibration"
+        )
+    return fields
+
+
+def _with_times(
+    fields: VectorFields, settings: Settings, times: str, source: Source
+) -> VectorFields:
+    """The vectors with times from a file or from the names of the files."""
+    if TRACK_WINDOW in fields.facts:
+        raise DataFileError(
+            "--times must not be given for tracks, whose velocities follow from the times in their "
+            "table: write a column t there"
+        )
+    unit = None if units.has(fields.time_unit, "frame") else fields.time_unit
+    if times == "name":
+        if isinstance(source, VectorFields | Mapping):
+            raise DataFileError("--times name needs files, got arrays: give t with them")
+        t = _times_in_names(expand([source] if isinstance(source, str | Path) else source))
+    else:
+        t, stated = _times_of(Path(times))
+        if stated and settings.time_unit not in (None, stated):
+            raise DataFileError(
+                f"--time-unit must be {stated}, which the first line of {times} states, got "
+                f"{settings.time_unit}: leave it out"
+            )
+        unit = stated or unit
+    old = np.unique(fields.t)
+    if not t.size == old.size == np.unique(t).size:
+        raise DataFileError(
+            f"--times must give another time for every frame of {old.size}, got {t.size} times, "
+            f"{np.unique(t).size} of them different: check them"
+        )
+    new = t[np.searchsorted(old, fields.t)]
+    if fields.scattered:
+        return replace(fields, t=new, time_unit=unit)
+    return replace(_at(fields, np.argsort(new)), t=np.sort(new), time_unit=unit)
+
+
+def _times_in_names(files: Sequence[Path]) -> Float64:
+    """The last number in the name of each file."""
+    # The end of "out-0.25" is no suffix.
+    stems = [f.name if f.suffix[1:].isdigit() else f.stem for f in files]
+    found = [_TIME.findall(stem)[-1:] for stem in stems]
+    if not all(found):
+        raise DataFileError(f"{files[0]} must have a number in its name for --times name")
+    if len({minus for ((minus, _),) in found}) > 1:
+        raise DataFileError(
+            "--times name needs names with a '-' before all numbers or before none, as it may "
+            "be a minus: give the times in a file"
+        )
+    pairs = zip(found, stems, strict=True)
+    return np.array([units.number(digits, f"the time in {stem}") for ((_, digits),), stem in pairs])
+
+
+def _times_of(path: Path) -> tuple[Float64, str | None]:
+    """The times of a file and their unit, None if it states none.
+
+    A single column needs no name; a column frame sets the order of the others.
+    """
+    roles = {name: NAMES[name] for name in ("t", "frame")}
+    if is_number(text_lines(path)[0]):
+        table = read_table(path, roles, [Column("t")], ("t",), 0)
+    else:
+        table = read_headed(path, ("t",), roles)
+    require_finite(path, table.columns)
+    t = table.columns["t"]
+    frame = table.columns.get("frame", np.zeros(t.size))
+    return t[np.argsort(frame, kind="stable")], table.units.get("t")
+
+
+def _at(fields: VectorFields, kept: Any) -> VectorFields:
+    """The vectors at these places of their first axis: frames of a grid, or scattered vectors."""
+    names = ("t", *fields.arrays(), *(("y", "x") if fields.scattered else ()))
+    return replace(fields, **{name: getattr(fields, name)[kept] for name in names})
+
+
+def measured(fields: VectorFields, settings: Settings) -> VectorFields:
+    """Makes interpolated vectors invalid, or measured ones if the setting says so; and zeros."""
+    code = Validity.VALID if settings.keep_interpolated else Validity.INVALID
+    codes = np.where(fields.validity == Validity.INTERPOLATED, np.int8(code), fields.validity)
+    if settings.zeros == "missing":
+        codes[(fields.u == 0) & (fields.v == 0)] = Validity.INVALID
+    gone = codes == Validity.INVALID
+    u, v = (np.where(gone, np.nan, a) for a in (fields.u, fields.v))
+    return replace(fields, validity=codes, u=u, v=v)
+
+
+def frames_of(text: str) -> slice:
+    """The slice of --frames; DataFileError if it is none."""
+    parts = text.split(":")
+    try:
+        chosen = slice(*(units.whole(part, "--frames") if part.strip() else None for part in parts))
+        if len(parts) < 2 or (chosen.step is not None and chosen.step < 1):
+            raise TypeError
+    except (DataFileError, TypeError):
+        raise DataFileError(
+            f"--frames must be FIRST:LAST:STEP such as 10:200:2, got {text!r}"
+        ) from None
+    return chosen
+
+
+def selected_frames(fields: VectorFields, settings: Settings) -> VectorFields:
+    """The frames of --frames."""
+    if settings.frames is None:
+        return fields
+    times = np.unique(fields.t)[frames_of(settings.frames)]
+    if times.size < settings.fewest_frames:
+        raise DataFileError(
+            f"--frames must leave {settings.fewest_words}, got {times.size} of "
+            f"{np.unique(fields.t).size}"
+        )
+    return _at(fields, np.isin(fields.t, times))
 
 
 def read_vectors(
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     format: str = AUTO,
-    options: dict[str, Any] | None = None,
+    window: int = 5,
     *,
     count: bool = False,
 ) -> VectorFields:
@@ -40,7 +188,7 @@ def read_vectors(
         paths: files in any order (sorted by the numbers in their names), folders, or patterns such
             as "run/PIVlab_*.txt".
         format: a key of `FORMATS`, or "auto".
-        options: values of the further arguments of the readers.
+        window: frames of the local polynomial that gives the velocity of a track.
         count: number files of one frame each as times, and ignore times in the files.
 
     Raises:
@@ -57,41 +205,12 @@ def read_vectors(
                 f"{file} must be in the format {name} like the files before it, got {found}: "
                 "convert one kind of files at a time"
             )
-        part = read_file(file, name, options or {})
+        part = FORMATS[name].read(file, *([window] if name == TRACKS else []))
         parts.append(_counted(part) if count else part)
         require_room(len(files) * part.u.size * (len(part.arrays()) - 1), 8, file)
     facts = {"format": FORMATS[name].title, "files": str(len(files))}
-    facts |= {PAIRS: needed} if (needed := _pairs_need(files, parts)) else {}
     joined = parts[0] if len(parts) == 1 else _joined(files, parts)
     return replace(joined, facts=joined.facts | facts)
-
-
-def _pairs_need(files: list[Path], parts: list[VectorFields]) -> str:
-    """The settings without which the times of pairs of images are wrong, by the images' names.
-
-    The usual step s from the first image of a pair to that of the next is one frame. Pairs that
-    share no image, and have none between their own two, may be double frames.
-
-    Raises:
-        DataFileError: the images of some pairs are farther apart than those of others.
-    """
-    named = [part.facts.get(IMAGES, "").split() for part in parts]
-    if not all(named) or any(max(map(len, pair)) > _MAX_DIGITS for pair in named):
-        return ""
-    first, second = np.array([[int(number) for number in pair] for pair in named]).T
-    apart, steps = second - first, np.diff(first)
-    step = float(np.median(steps)) if steps.size else 1.0
-    film = bool(np.isin(second, first).any() or (apart > 1).any())
-    if apart.min() < 1 or step < 1 or (steps <= 0).any() or not film:
-        return ""
-    if (apart != apart[0]).any():
-        k = int(np.argmax(apart != apart[0]))
-        raise DataFileError(
-            f"{files[k]} has images that are {apart[k]} apart, and those of {files[0]} are "
-            f"{apart[0]} apart: export pairs of one distance"
-        )
-    needed = {"pulse_delay": apart[0] != step, "times": (steps != step).any()}
-    return " ".join(name for name, need in needed.items() if need)
 
 
 def _counted(part: VectorFields) -> VectorFields:
@@ -156,7 +275,6 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
                 f"{file} must have the direction of y of {files[0]}, got the opposite order of "
                 "rows: export both in one way"
             )
-        require_one_calibration({files[0]: first.facts, file: part.facts})
         if not first.scattered:
             _check_grid(file, files[0], part, first)
     arrays = {n: np.concatenate([part.arrays()[n] for part in parts]) for n in first.arrays()}
@@ -177,6 +295,7 @@ def _common(fields: VectorFields) -> dict[str, Any]:
         "kind": "scattered vectors" if fields.scattered else "vectors on a grid",
         **{name.replace("_", " "): getattr(fields, name) for name in GROUPS},
         "arrays": ", ".join(fields.arrays()),
+        "calibration": ", ".join(f"{n} {v}" for n, v in fields.facts.items() if n in CALIBRATION),
     }
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from granpinn.config.fields import flag_of, setting
 from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
@@ -28,12 +29,6 @@ class Settings:
     """Numbers with units are text, such as "0.12 mm/px"; None means not given."""
 
     format: str = setting("auto", "format of the files, auto = from their content", group="files")
-    columns: str | None = setting(
-        None,
-        "names of columns that granpinn does not know, such as x=abscissa,y=height,t=time in a "
-        "table of tracks; of Basilisk with --format basilisk",
-        group="files",
-    )
     zeros: Literal["measured", "missing"] = setting(
         "measured", "vectors that are exactly (0, 0): measured, or missing", group="files"
     )
@@ -158,9 +153,9 @@ class Settings:
     )
     walls: str | None = setting(
         None,
-        "CSV file of walls: columns x, y of points in order, nan between two pieces; if known t, "
-        "u, v (motion of the wall), slip (0: grains move with the wall, 1: not), p and tau "
-        "(normal and shear stress)",
+        "CSV file of walls: columns x, y of points in order, nan between two pieces; if known u, "
+        "v (motion of the wall), slip (0: grains move with the wall, 1: not), p "
+        "(normal stress)",
         group="grains",
     )
     surface_sd: str | None = setting(
@@ -186,7 +181,6 @@ class Settings:
         "differences, 0.82 cells",
         group="grains",
     )
-    note: str | None = setting(None, "text to keep in the file", group="grains")
 
     @property
     def fewest_frames(self) -> int:
@@ -221,3 +215,45 @@ class Settings:
             raise DataFileError(
                 f"--solid-fraction must be above 0 and at most 1, got {self.solid_fraction:g}"
             )
+
+
+def missing_constants(settings: Settings) -> list[str]:
+    """The settings that are missing for the constants, one sentence part each."""
+    missing = []
+    if settings.grain_diameter is None:
+        missing.append("--grain-diameter, such as '0.8 mm'")
+    known = settings.grain_density, settings.solid_fraction, settings.density
+    if not settings.dimensionless and sum(value is not None for value in known) < 2:
+        if settings.grain_density is None:
+            missing.append("--grain-density, such as '2500 kg/m^3'")
+        if settings.solid_fraction is None and settings.density is None:
+            missing.append("--solid-fraction, such as 0.6")
+    return missing
+
+
+def material_of(settings: Settings) -> tuple[dict[str, Any], dict[str, float]]:
+    """The constants of the grains as fields of a flow, and lengths as attributes of its file.
+
+    The bulk density is that of a grain times the solid fraction. `missing_constants` must be empty.
+    """
+    grain, bulk = settings.number("grain_density"), settings.number("density")
+    fraction = settings.solid_fraction
+    if grain is not None and fraction is not None:
+        if bulk is not None and not math.isclose(bulk, grain * fraction, rel_tol=1e-3):
+            raise DataFileError(
+                f"--density must be grain density times solid fraction, {grain * fraction:g}, got "
+                f"{bulk:g}: leave one of the three out"
+            )
+        bulk = grain * fraction
+    elif grain is None and bulk is not None and fraction is not None:
+        grain = bulk / fraction
+    constants = {
+        "grain_diameter": settings.number("grain_diameter"),
+        "grain_density": grain,
+        "density": 1.0 if bulk is None else bulk,  # without units the bulk density is the unit
+        "density_unit": None if settings.dimensionless else "kg/m^3",
+        "length_unit": "1" if settings.dimensionless else "m",
+        "time_unit": "1" if settings.dimensionless else "s",
+    }
+    lengths = {name: settings.number(name) for name in LENGTHS}
+    return constants, {name: value for name, value in lengths.items() if value is not None}

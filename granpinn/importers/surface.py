@@ -1,10 +1,19 @@
-"""Points of the free surface: where the volume fraction crosses 1/2.
+"""The grains and their free surface.
 
-Between the centers of two neighboring cells, one in the grains and one outside, the surface lies
-where c = 1/2 by linear interpolation; for a mask, half way. Some edges of a mask are no free
-surface: the bed and the side walls are edges too. An edge counts if it faces up (against
+**Grains.** The source of the volume fraction is a fraction field, else a mask, else the cells with
+vectors. The surface follows from it, or from the density of tracked grains.
+
+**Fraction.** Between the centers of two neighboring cells, one in the grains and one outside, the
+surface lies where c = 1/2 by linear interpolation; for a mask, half way. Some edges of a mask are
+no free surface: the bed and the side walls are edges too. An edge counts if it faces up (against
 gravity), or if it faces sideways and has grains beyond it at another time. An edge that faces down
 never counts.
+
+**Tracked grains.** The centers of a frame are smoothed by a Gaussian kernel with the standard
+deviation h. The surface is where the density is half of that inside: there the grains would end if
+all of them had the usual density of the inside. h is one grain diameter, so that the kernel is
+about two diameters wide. Where only a part of the grains is tracked, h is up to two of their usual
+distances. The offset is known to h / 2.
 """
 
 from __future__ import annotations
@@ -12,15 +21,25 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_erosion, binary_fill_holes, gaussian_filter, label
 
-from granpinn.arrays import Float64
+from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Surface
-from granpinn.importers.vectors import VectorFields
+from granpinn.importers.vectors import Validity, VectorFields, grains_around
 
 HALF = 0.5
 _UPWARDS = 0.5  # cosine of the angle to the vertical
-NEAR = 0.1  # of 1/2: scattered cells that the surface cuts through
+FULL = 1e-6  # solvers fill cells up to rounding
+CELL = 0.5  # of the grid, in h
+# Lost grains leave holes that a kernel of one diameter would show: h grows with the distance of
+# neighbors, to twice that distance.
+SPARSE, MOST = 4.0, 2.0
+MARGIN = 4.0  # above the grains, in h
+BULK = 0.75  # quantile of the density at the grains
+MAX_AXIS = 2000  # h
+MAX_CELLS = 10_000_000  # over all frames
+LEVEL_OF_VIEW = 0.25  # scatter of the line in h, below which it is the edge of the picture
+SD = 0.5  # of the offset, in h
 
 
 def from_fraction(
@@ -63,11 +82,115 @@ def from_fraction(
     return Surface(t=found[0], x=found[1], y=found[2])
 
 
-def from_scattered(fields: VectorFields) -> Surface | None:
-    """Points of scattered cells that are about half full."""
-    if fields.c is None:
+def grains_of(fields: VectorFields) -> tuple[Float64, str]:
+    """Volume fraction [T, Y, X] of vectors on a grid, and where it comes from."""
+    if fields.c is not None:
+        c = np.clip(np.nan_to_num(fields.c), 0.0, 1.0)  # NaN: no grains; beyond 0 and 1: rounding
+        c[c > 1 - FULL] = 1.0
+        c[fields.validity == Validity.MASKED] = 0.0
+        return c, "fraction"
+    masked = fields.validity == Validity.MASKED
+    if masked.any():
+        return (~masked).astype(np.float64), "mask"
+    c = np.stack([grains_around(frame) for frame in fields.usable]).astype(np.float64)
+    return c, "vectors"
+
+
+def below_line(fields: VectorFields, line: Surface) -> Bool:
+    """Cells [T, Y, X] below a line of points; each frame has the points nearest in time."""
+    inside = np.zeros(fields.u.shape, bool)
+    times = np.unique(line.t)
+    for k, now in enumerate(fields.t):
+        near = np.flatnonzero(line.t == times[np.argmin(np.abs(times - now))])
+        near = near[np.argsort(line.x[near], kind="stable")]
+        height = np.interp(fields.x, line.x[near], line.y[near], -np.inf, -np.inf)
+        inside[k] = fields.y[:, None] <= height
+    return inside
+
+
+def surface_of_grains(
+    t: Float64, x: Float64, y: Float64, diameter: float, gravity: tuple[float, float]
+) -> tuple[Surface, float] | None:
+    """The free surface of tracked grains and the standard deviation of its offset.
+
+    Args:
+        t, x, y: of every grain in every frame [n], y up.
+
+    Returns:
+        None if the grains reach the edge of the picture everywhere, if no edge faces up, or if
+        one grain is far from all others.
+    """
+    order = np.argsort(t, kind="stable")
+    x, y = x[order], y[order]
+    times, first = np.unique(t[order], return_index=True)
+    ends = np.append(first, t.size)
+    width, height = float(np.ptp(x)), float(np.ptp(y))
+    h = max(diameter, math.sqrt(width * height * times.size / t.size))
+    if max(width, height) > MAX_AXIS * h:  # a grain far from all others
         return None
-    near = np.abs(fields.c - HALF) < NEAR
-    if not near.any():
+    fullest = int(np.argmax(np.diff(ends)))
+    now = slice(ends[fullest], ends[fullest + 1])
+    distance = _distance(x[now], y[now], h)
+    h = min(diameter + SPARSE * max(distance - diameter, 0.0), MOST * distance)
+    h = max(h, diameter)
+    if max(width, height) > MAX_AXIS * h:
         return None
-    return Surface(t=fields.t[near], x=fields.x[near], y=fields.y[near])
+    kept = np.arange(times.size)
+    cell = CELL * h
+    up = np.array([-gravity[0], -gravity[1]]) / math.hypot(*gravity)
+    edges = []
+    for values, towards in ((x, up[0]), (y, up[1])):
+        # Grains that touch a wall have their mirror image behind it; above them is nothing.
+        low = float(values.min()) - (MARGIN * h if towards < -CELL else 0.0)
+        high = float(values.max()) + (MARGIN * h if towards > CELL else 0.0)
+        count = max(2, math.ceil((high - low) / cell))
+        edges.append(low + cell * np.arange(count + 1))
+    columns, rows = (edge.size - 1 for edge in edges)
+    if times.size * rows * columns > MAX_CELLS:
+        most = max(2, MAX_CELLS // (rows * columns))
+        kept = np.unique(np.linspace(0, times.size - 1, most).round().astype(int))
+    c = np.zeros((kept.size, rows, columns))
+    for place, k in zip(c, kept, strict=True):
+        now = slice(ends[k], ends[k + 1])
+        counts, *_ = np.histogram2d(y[now], x[now], bins=(edges[1], edges[0]))
+        density = gaussian_filter(counts, h / cell, mode="reflect")
+        inside = density[counts > 0]
+        bulk = float(np.quantile(inside, BULK)) if inside.size else 0.0
+        if bulk > 0:
+            place[:] = without_holes(np.minimum(density / bulk, 1.0), up)
+    centers = [(edge[1:] + edge[:-1]) / 2 for edge in edges]
+    found = from_fraction(c, times[kept], centers[1], centers[0], gravity)
+    if found is None or _is_edge_of_view(found, up, h):
+        return None
+    return found, SD * h
+
+
+def without_holes(c: Float64, up: Float64) -> Float64:
+    """The fraction with gaps among the grains filled, and without grains apart from the body."""
+    walls = [(int(-t < CELL), int(t < CELL)) for t in (up[1], up[0])]
+    grown = np.pad(c > HALF, walls, constant_values=True)
+    inner = tuple(slice(a, n - b) for (a, b), n in zip(walls, grown.shape, strict=True))
+    filled = binary_fill_holes(grown)[inner]
+    bodies, count = label(filled)
+    if count == 0:
+        return c
+    sizes = np.bincount(bodies.ravel())[1:]
+    body = bodies == 1 + int(np.argmax(sizes))
+    return np.where(
+        body, np.maximum(c, np.where(filled & (c <= HALF), 1.0, 0.0)), np.minimum(c, HALF)
+    )
+
+
+def _distance(x: Float64, y: Float64, guess: float) -> float:
+    """Usual distance of the grains of a frame, from the fuller ones of large cells."""
+    cells = 4 * guess
+    bins = [np.arange(a.min(), a.max() + cells, cells) for a in (y, x)]
+    if min(b.size for b in bins) < 2:
+        return guess
+    counts, *_ = np.histogram2d(y, x, bins=bins)
+    return cells / math.sqrt(float(np.quantile(counts[counts > 0], BULK)))
+
+
+def _is_edge_of_view(line: Surface, up: Float64, h: float) -> bool:
+    """Whether the line is straight and never moves, as where a picture cuts off the grains."""
+    return float(np.std(line.x * up[0] + line.y * up[1])) < LEVEL_OF_VIEW * h

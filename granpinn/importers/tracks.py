@@ -1,40 +1,42 @@
-"""Tables of tracked particles (PTV).
+r"""Tables of tracked particles (PTV), and the velocities of tracks.
 
 Columns by name, in any order, units in brackets if at all, such as `x [mm]`:
 
 - x, y; and frame, or t (time);
-- particle (also id, track, trajectory): the number of the track; velocities then come from local
-  polynomials over its frames;
+- particle (also id, track, trajectory): the number of the track;
 - or u, v (also vx, vy): velocities of the tracking program, with sigma_u, sigma_v;
 - ep: trackpy's uncertainty of the position.
 
-trackpy counts in pixels and frames, with y down, and so does opyf (N, X, Y, Ux, Uy), with one file
-for every frame. In TrackMate's tables y is down in any unit.
+trackpy counts in pixels and frames, with y down. In TrackMate's tables y is down in any unit.
+
+Velocities of tracks come from parabolas $x(\tau) = a + b \tau + c \tau^2$ through the positions
+within a window of frames around each; $a$ is the position and $b$ the velocity. With the standard
+deviation $\epsilon$ of a position (`ep`, or the scatter about all parabolas)
+$\sigma_b^2 = \epsilon^2 (A^T A)^{-1}_{bb}$. At the ends of a track the window is one-sided and
+$\sigma_b$ larger. The error of the parabola itself is not in $\sigma_b$.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.importers.columns import (
     GROUPS,
-    HEADER_LINES,
     NAMES,
-    column,
     layout_of,
+    lines_of,
     read_headed,
     require,
     require_finite,
     units_of,
 )
-from granpinn.importers.pivlab_text import FIRST_WORDS as PIVLAB
-from granpinn.importers.textfile import encoding_of
-from granpinn.importers.tracking import TrackMotion, counted, velocities
+from granpinn.importers.grids import PIVLAB
+from granpinn.importers.limits import COPIES, require_room
 from granpinn.importers.vectors import (
     TRACK_WINDOW,
     DataFileError,
@@ -43,49 +45,41 @@ from granpinn.importers.vectors import (
     vector_fields,
 )
 
-_OPYF = {"n", "x", "y", "ux", "uy"}  # of one frame, in pixels, y down
 _TRACKPY = {"mass", "ecc", "raw_mass", "signal", "size"}
+ORDER = 2
+MAX_WINDOW = 501  # frames
+_PER_PLACE = 12  # numbers for each observation and frame of the window, at the peak
+_SMALLEST_SIGMA = 1e-12  # of the velocities: exact tracks have no scatter
 
 
 def sniff(path: Path, head: bytes) -> bool:
-    """Names of x, y and frame or t, or opyf's, above numbers."""
-    lines = head.decode(encoding_of(head), "replace").splitlines() or [""]
-    if lines[0].lstrip("\ufeff# ").startswith(PIVLAB):
+    """Names of x, y and frame or t above numbers."""
+    lines = lines_of(head)
+    if lines[0].lstrip("# ").startswith(PIVLAB):
         return False
-    named = layout_of(lines[:HEADER_LINES], NAMES, ("x", "y")).named
+    named = layout_of(lines, NAMES, ("x", "y")).named
     names = {column.name for column in named}
     x, y, frame, t = (names.intersection(NAMES[role]) for role in ("x", "y", "frame", "t"))
-    return bool(x and y and (frame or t)) or names == _OPYF
+    return bool(x and y and (frame or t))
 
 
-def read(
-    path: Path,
-    window: int = 5,
-    columns: Mapping[str, str] | None = None,
-) -> VectorFields:
+def read(path: Path, window: int) -> VectorFields:
     """Scattered vectors of all tracks.
 
     Args:
         window: frames of the local polynomial, an odd number; not used if the table has u, v.
-        columns: names of the columns by their roles, where they are not in `NAMES`.
     """
-    roles = NAMES | {role: (column(name).name,) for role, name in (columns or {}).items()}
-    table = read_headed(path, ("x", "y"), roles)
+    table = read_headed(path, ("x", "y"))
     found, stated = table.columns, table.units
     names = {column.name for column in table.named}
-    opyf = names == _OPYF
-    if opyf:  # one frame each
-        found = found | {"frame": np.zeros_like(found["x"])}
     missing = [] if {"frame", "t"} & found.keys() else ["frame (or t)"]
     missing += [] if "particle" in found or {"u", "v"} <= found.keys() else ["particle (or u, v)"]
     require(path, table.named, missing)
-    image = opyf or len(_TRACKPY & names) >= 2
+    image = len(_TRACKPY & names) >= 2
     down = image or "position_x" in names
     require_finite(path, found, nan=True)
     if image and not stated.keys() & GROUPS["length_unit"]:
         stated = stated | {"x": "px"}
-    if opyf and not stated.keys() & GROUPS["velocity_unit"]:
-        stated = stated | {"u": "px/frame"}
     units, facts = units_of(path, stated), {}
     timed = "t" in found
     units["time_unit"] = units["time_unit"] if timed else "frame"
@@ -136,3 +130,100 @@ def _require_each_once(path: Path, columns: Mapping[str, Float64]) -> None:
             f"{particle[row]:g} more than once at {time} {frame[row]:g}, and {int(again.sum())} "
             "such rows: link the particles again, or keep the first row of each"
         )
+
+
+class TrackMotion(NamedTuple):
+    """Positions and velocities [n], NaN where a track is too short."""
+
+    x: Float64
+    y: Float64
+    u: Float64
+    v: Float64
+    sigma_u: Float64 | None = None
+    sigma_v: Float64 | None = None
+
+
+def counted(t: Float64, particle: Float64) -> Float64:
+    """Times [n] in usual steps of a track, so that a window counts frames in any unit of time."""
+    order = np.lexsort((t, particle))
+    steps = np.diff(t[order])[np.diff(particle[order]) == 0]
+    steps = steps[steps > 0]
+    return t / np.median(steps) if steps.size else t
+
+
+def velocities(
+    t: Float64,
+    frame: Float64,
+    x: Float64,
+    y: Float64,
+    particle: Float64,
+    ep: Float64 | None,
+    window: int,
+) -> TrackMotion:
+    """Position and velocity of every observation [n], in the order given.
+
+    Args:
+        t: time, or frame once more; one for each particle and frame.
+        frame: numbers of the frames, which the window counts; or as `counted`.
+        particle: number of the track; NaN = not on a track.
+        ep: standard deviation of the position, or None.
+        window: frames of the fit, odd and at least 3.
+    """
+    if window < ORDER + 1 or window % 2 == 0 or window > MAX_WINDOW:
+        raise DataFileError(
+            f"--track-window must be odd and at least 3, at most {MAX_WINDOW}, got {window}"
+        )
+    # These numbers exist once, and before the copies of the conversion.
+    require_room(t.size * window * _PER_PLACE, 8 / COPIES, "the table of tracks")
+    order = np.lexsort((frame, particle))
+    t, frame, x, y, particle = (a[order] for a in (t, frame, x, y, particle))
+    half = window // 2
+    n = t.size
+    index = np.arange(n)[:, None] + np.arange(-half, half + 1)
+    inside = (index >= 0) & (index < n)
+    index = np.clip(index, 0, n - 1)
+    inside &= particle[index] == particle[:, None]
+    inside &= (
+        np.abs(frame[index] - frame[:, None]) <= half + 0.5
+    )  # of a time that is no frame number
+    inside &= np.isfinite(x[index] + y[index] + t[index])
+    enough = inside.sum(axis=1) > ORDER
+    # tau in units of the window, so that the normal equations are well conditioned.
+    tau = np.where(inside, t[index] - t[:, None], 0.0)
+    unit = np.abs(tau).max(axis=1)
+    unit[unit == 0] = 1.0
+    powers = np.where(inside[..., None], (tau / unit[:, None])[..., None] ** np.arange(3), 0.0)
+    normal = np.einsum("nwi,nwj->nij", powers, powers)
+    normal[~enough] = np.eye(3)
+    try:
+        inverse = np.linalg.inv(normal)
+    except np.linalg.LinAlgError:
+        raise DataFileError(
+            "a track must have another time in every frame, got one time for several: correct the "
+            "columns t and frame"
+        ) from None
+    b_variance = inverse[:, 1, 1] / unit**2
+    result, scatter = [], []
+    for values in (x, y):
+        centered = np.where(inside, values[index] - values[:, None], 0.0)
+        fit = np.einsum("nij,nwj,nw->ni", inverse, powers, centered)
+        residual = centered - np.einsum("nwi,ni->nw", powers, fit)
+        scatter.append((residual**2).sum(axis=1))
+        result.append(np.where(enough, values + fit[:, 0], values))
+        result.append(np.where(enough, fit[:, 1] / unit, np.nan))
+    freedom = np.where(enough, inside.sum(axis=1) - ORDER - 1, 0).sum()
+    back = np.argsort(order)
+    new_x, u, new_y, v = (a[back] for a in result)
+    sigmas = []
+    # Grains that never move along an axis have no scatter there.
+    fastest = float(np.nanmax(np.abs([u, v]), initial=0.0))
+    least = _SMALLEST_SIGMA * max(fastest, 1e-300)
+    for about in scatter:
+        if ep is not None:
+            variance = np.square(ep[order])
+        elif freedom > 0:
+            variance = np.full(n, about[enough].sum() / freedom)
+        else:
+            return TrackMotion(new_x, new_y, u, v)
+        sigmas.append(np.maximum(np.sqrt(variance * b_variance), least)[back])
+    return TrackMotion(new_x, new_y, u, v, *sigmas)

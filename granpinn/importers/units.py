@@ -6,15 +6,19 @@ frames (s/frame) to become m/s, and an error can name the missing one.
 
 from __future__ import annotations
 
+import math
 import re
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
-from granpinn.importers.numerals import MAX_CHARACTERS as MAX_NUMBER
-from granpinn.importers.numerals import number
 from granpinn.importers.vectors import DataFileError
 from granpinn.physics.unit_text import MAX_CHARACTERS as MAX_UNIT
 
+# A number has at most 64 ASCII characters. Python alone would also accept "1_000", digits of other
+# scripts, and integers of any length, whose conversion takes quadratic time.
+MAX_NUMBER = 64
+_MAX_DIGITS = 18  # of an integer, which then fits in 64 bits
 MAX_QUANTITY = MAX_NUMBER + MAX_UNIT
 _QUANTITY = re.compile(r"([+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?)(.*+)")
 # Only plain products and quotients of names with one-digit powers, which are quick to parse.
@@ -35,6 +39,36 @@ DIMENSIONS = {
     "pressure": ("[mass]/[length]/[time]**2", "'10 Pa'"),
     "angle": ("", "'1.2 deg'"),
 }
+
+
+def number(text: str, what: str) -> float:
+    """A finite number; `what` names its place for the message.
+
+    Raises:
+        DataFileError: the text is no finite number.
+    """
+    stripped, value = text.strip(), math.nan
+    if len(stripped) <= MAX_NUMBER and stripped.isascii() and "_" not in stripped:
+        with suppress(ValueError):
+            value = float(stripped)
+    if not math.isfinite(value):
+        raise DataFileError(f"{what} must be a finite number, got {text[:MAX_NUMBER]!r}")
+    return value
+
+
+def whole(text: str, what: str) -> int:
+    """An integer of at most 18 digits; `what` names its place for the message.
+
+    Raises:
+        DataFileError: the text is no such integer.
+    """
+    stripped = text.strip()
+    digits = stripped[1:] if stripped[:1] in ("+", "-") else stripped
+    if not (digits.isascii() and digits.isdigit() and len(digits) <= _MAX_DIGITS):
+        raise DataFileError(
+            f"{what} must be an integer of at most {_MAX_DIGITS} digits, got {text[:MAX_NUMBER]!r}"
+        )
+    return int(stripped)
 
 
 @cache

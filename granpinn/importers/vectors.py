@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import binary_fill_holes
 
 from granpinn.arrays import Bool, Float64, Int8, plain_array
+from granpinn.data.particles import closed
 from granpinn.data.schema import FRACTION_TOLERANCE
 from granpinn.declared import require_fields
 from granpinn.errors import BadInput
@@ -26,7 +28,9 @@ MAX_FACT = 200  # characters
 MAX_MESSAGE = 600
 # The fact of vectors that are differences of positions in their file: their unit is length / time.
 TRACK_WINDOW = "track_window"
-IMAGES = "images"  # the fact: numbers of the two images of a pair
+# The facts of a calibration: meters per pixel; m/s of one pixel per pair, by two names.
+CALXY, CALUV, CALU = CALIBRATION = ("calxy", "caluv", "calu")
+GAPS = "gaps"  # the fact "mask" of files whose gaps show the mask (`split_gaps`)
 
 
 class DataFileError(BadInput):
@@ -133,12 +137,9 @@ class VectorFields:
         c = self.c[~np.isnan(self.c) & (self.validity != Validity.MASKED)]
         low, high = float(c.min(initial=0.0)), float(c.max(initial=0.0))
         if low < -FRACTION_TOLERANCE or high > 1 + FRACTION_TOLERANCE:
-            likely = {1.5: "values beyond 0 and 1 that a solver made, cut them off there"}
-            likely |= {100.5: "per cent, divide by 100", 255.5: "grey levels, divide by 255"}
-            cause = next((text for most, text in likely.items() if high < most), "another field")
             raise DataFileError(
-                f"c must be a volume fraction from 0 to 1, got {low:g} to {high:g}: these may be "
-                f"{cause}"
+                f"c must be a volume fraction from 0 to 1, got {low:g} to {high:g}: divide per "
+                "cent by 100, grey levels by 255, and cut off what a solver makes beyond 0 and 1"
             )
 
     @property
@@ -226,3 +227,23 @@ def _ascending(fields: VectorFields) -> VectorFields:
     for name, values in fields.arrays().items():
         changes[name] = np.ascontiguousarray(values) if sorted_already else values[np.ix_(*orders)]
     return replace(fields, **changes)
+
+
+def split_gaps(measured: Bool) -> Int8:
+    """Validity of every cell: VALID for a vector, INVALID for a gap inside, MASKED for one outside.
+
+    A gap is inside if vectors enclose it, or if it is at most two cells wide.
+
+    Args:
+        measured: [T, Y, X].
+    """
+    codes = np.full(measured.shape, Validity.MASKED, np.int8)
+    for code, frame in zip(codes, measured, strict=True):
+        code[grains_around(frame)] = Validity.INVALID
+        code[frame] = Validity.VALID
+    return codes
+
+
+def grains_around(measured: Bool) -> Any:
+    """Cells [Y, X] with a vector or among vectors."""
+    return binary_fill_holes(closed(measured))

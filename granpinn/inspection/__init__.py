@@ -18,14 +18,13 @@ import numpy as np
 from granpinn.arrays import Float64, Index
 from granpinn.config import SideWalls
 from granpinn.data import Flow, FlowFileError, FlowFileWarning
-from granpinn.data.large import runs, slabs
+from granpinn.data.large import slabs, thinned
 from granpinn.data.scaling import initial_height, scales_of
 from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer, words
 from granpinn.estimates import confined
 from granpinn.estimates.body import Body, body_of
-from granpinn.estimates.facts import Facts
-from granpinn.estimates.inertia import InertialNumbers, inertial_numbers
+from granpinn.estimates.facts import Facts, InertialNumbers, inertial_numbers
 from granpinn.physics.law_values import CompleteLaw
 from granpinn.physics.scales import Scales
 from granpinn.results import plain
@@ -109,19 +108,15 @@ class Inspection:
             self.records[check.name] = made
 
     @cached_property
-    def whole(self) -> Flow:
-        """The flow as it trains: a steady one is its mean over time (data/steady.py)."""
-        return steady_mean(self.filmed)
-
-    @cached_property
     def flow(self) -> Flow:
-        """The flow that is measured: runs of frames of a large flow, else all of it."""
-        return runs(self.whole)
+        """The flow as it trains: a steady one is its mean over time (data/steady.py), and a large
+        one has fewer frames."""
+        return thinned(steady_mean(self.filmed))
 
     @cached_property
     def scales(self) -> Scales:
-        """Of the whole flow."""
-        return scales_of(self.whole)
+        """Of the flow."""
+        return scales_of(self.flow)
 
     @cached_property
     def facts(self) -> Facts:
@@ -223,10 +218,7 @@ class Inspection:
                 "stands above, or mend the flow file."
             )
         if self.undetermined is not None:
-            shown = getattr(balance, "shown", ())
-            what = "The velocity gives no friction coefficient"
-            what = what if shown else "No friction coefficient can be given"
-            return f"{what}: {self.undetermined}."
+            return f"No friction coefficient can be given: {self.undetermined}."
         if getattr(balance, "carried", False):
             return "A law from these data is not to be used: walls carry the grains."
         precision = self.records.get("precision")

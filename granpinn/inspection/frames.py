@@ -1,4 +1,4 @@
-"""The frames: twice, empty, without vectors, at uneven times, or changing where they are steady."""
+"""The frames: twice, empty, without vectors, or changing where they are steady."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from granpinn.arrays import Floats
 from granpinn.data import Flow
 from granpinn.data.large import slabs
 from granpinn.inspection import Inspection
-from granpinn.results.record import ADVICE, IMPROBABLE, UNUSUAL, Check, Reason, Record
+from granpinn.results.record import ADVICE, IMPROBABLE, Check, Reason, Record
 
 MANY = 0.1  # of the frames repeat the one before; fewer are an advice
 UNSTEADY = 0.01  # of gravity, the acceleration of a flow that is stated as steady
-SHORT = 1e-3  # shortest time step over the median one
 POOR = 0.5  # share of the grains of a frame that have vectors
 SOME = 8  # rows are compared at this stride first
 
@@ -74,13 +73,6 @@ class Frames(Record):
                 "out, or give their fraction"
             )
             found.append(Reason(IMPROBABLE, text))
-        step = np.diff(t)
-        if not of.filmed.steady and step.min() < SHORT * np.median(step):
-            text = (
-                f"frames follow each other by {step.min():.3g} to {step.max():.3g}, with "
-                f"{np.median(step):.3g} as the median: check the times"
-            )
-            found.append(Reason(UNUSUAL, text))
         return found
 
 

@@ -238,7 +238,7 @@ def make(inspection: Inspection) -> Gravity:
     speeds, free_fall = inspection.speeds, math.sqrt(2 * math.hypot(*flow.gravity) * height)
     driven = flow.walls is not None and flow.walls.u is not None
     measured = (mass.closed or flow.periodic) and not driven and not flow.steady
-    aspect, shrinks = slender(body, flow.gravity)
+    aspect, shrinks = slender(body)
     return Gravity(
         fall=None if flow.steady else fall_of(flow, body),
         energy=energy_of(flow, body, height) if measured else None,
@@ -298,13 +298,9 @@ def energy_of(flow: Flow, body: Body, height: float) -> tuple[float, float] | No
     return float(body.energy[last] - body.energy[0]) / unit, work / unit
 
 
-def slender(body: Body, gravity: tuple[float, float]) -> tuple[float, float]:
-    """Height over width of the body in the first frame, and its last height over the first.
-
-    Along the axis of the file closest to gravity.
-    """
-    along = int(abs(gravity[1]) >= abs(gravity[0]))
-    height, width = body.extent[:, along], body.extent[:, 1 - along]
+def slender(body: Body) -> tuple[float, float]:
+    """Height over width of the body in the first frame, and its last height over the first."""
+    width, height = body.extent.T
     return float(height[0] / width[0]), float(height[-1] / height[0])
 
 

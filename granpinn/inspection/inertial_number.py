@@ -23,12 +23,12 @@ I_EDGES = np.logspace(-4, 1, 51)  # of the figure
 
 @dataclass(frozen=True)
 class InertialRange(Record):
-    """With the pressure of estimates/inertia.py.
+    """With the pressure of estimates/facts.py.
 
     Attributes:
         q05, q50, q95, q99: quantiles.
-        reach: q95 / I0 with the inertial scale I0 of the law; None for a law without one.
-        above: share with I > I0 / 3, where mu(I) bends enough to show mu_2; or None.
+        above: share with I > I0 / 3, where mu(I) bends enough to show mu_2; None for a law without
+            I0.
         low, high: the range of I of the vectors that shear.
         lost: parameters of mu(I) that this range does not determine.
     """
@@ -39,7 +39,6 @@ class InertialRange(Record):
     q50: float
     q95: float
     q99: float
-    reach: float | None
     above: float | None
     low: float
     high: float
@@ -87,17 +86,16 @@ def make(inspection: Inspection) -> InertialRange | None:
     found, shear = numbers.quantiles(0.05, 0.5, 0.95, 0.99), shear_of(inspection)
     if found is None or shear is None:
         return None
-    reach, above, scale = None, None, law.inertial_scale
+    above, scale = None, law.inertial_scale
     if scale is not None:
         weight = numbers.vectors[numbers.flows]
-        reach = found[2] / scale
         above = float(weight[scale / 3 < numbers.I[numbers.flows]].sum() / weight.sum())
     lost: tuple[str, ...] = ()
     if law.law == mu_of_i.LAW.name and inspection.undetermined is None:
         mu_s, mu_2, I0 = law.theta
         lost = lost_of([Known(ends_of(shear, I0), (mu_s, mu_2))])
     q05, q50, q95, q99 = found
-    return InertialRange(q05, q50, q95, q99, reach, above, *shear, lost)
+    return InertialRange(q05, q50, q95, q99, above, *shear, lost)
 
 
 def shear_of(inspection: Inspection) -> Pair | None:

@@ -31,10 +31,9 @@ from granpinn.config import SideWalls
 from granpinn.data import Flow, add_noise
 from granpinn.data.flow import WALL_GAP
 from granpinn.data.noise import max_speed
-from granpinn.estimates.hanging import hanging
-from granpinn.estimates.robust import robust_sd
-from granpinn.estimates.stress import Stress, momentum_balance
-from granpinn.estimates.upright import upright
+from granpinn.estimates.confined import hanging
+from granpinn.estimates.noise import robust_sd
+from granpinn.estimates.stress import Stress, momentum_balance, upright
 from granpinn.inspection import Inspection
 from granpinn.results.record import GOOD, Check, Reason, Record
 

@@ -20,7 +20,6 @@ from granpinn.uncertainty.error_model import Known, ends_of
 
 # With a smaller share or number of flowing vectors, no precision is estimated.
 LEAST_FLOWING, FEWEST_FLOWING = 0.01, 200
-POOR_REACH = 0.3  # I (95 %) / I0 below which mu_2 is an extrapolation
 GOOD = 0.03  # standard deviation of a parameter
 LIMITED = 1.2  # times the standard deviation without noise: noise limits the precision
 
@@ -66,14 +65,6 @@ class Precision(Record):
             found.append(
                 f"Noise limits {name}: without it about {without[name]:.1%} are expected in place "
                 f"of {sd[name]:.1%}. More independent vectors, or less noise, help."
-            )
-        # mu(I) is the only law with an I0.
-        numbers = of.records.get("inertial_number") if of.law.law == mu_of_i.LAW.name else None
-        if numbers is not None and of["inertial_number"].reach < POOR_REACH:
-            found.append(
-                f"I reaches only {of['inertial_number'].q95:.2g} (95 %) of I0 = {of.law.I0:g}: "
-                "mu_2 cannot be separated from I0; only the slope (mu_2 - mu_s) / I0 is "
-                "measured. Larger grains, a taller column or a steeper slope reach higher I."
             )
         return [Reason(ADVICE, text) for text in found]
 

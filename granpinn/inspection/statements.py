@@ -6,7 +6,6 @@ The bounds are wide: no sound file of any study comes near them.
 - A cell or an averaging length of the solver, and the error of the surface line, are small parts of
   the height of the grains. Side walls are at least a grain apart.
 - A measured velocity has an error between 1e-6 times the largest speed and that speed.
-- A pressure or a stress is at most some times the weight of the grains.
 - Vectors are multiples of one number only where a program has rounded them.
 - Vectors are seldom exactly zero; programs write 0 where they find no vector.
 - A steady layer that is the same at every x flows under a free surface only down a slope.
@@ -29,11 +28,10 @@ import numpy as np
 from granpinn.arrays import Float64, Floats
 from granpinn.data import Flow, known_sd
 from granpinn.data.flow import PERIOD_X, SOLVER_CELL, SOLVER_MEAN, SURFACE_SD, WALL_GAP
-from granpinn.data.large import spread
+from granpinn.data.large import thinned
 from granpinn.data.scaling import initial_height
 from granpinn.estimates.lattice import ROUNDING, lattice_step
 from granpinn.inspection import Inspection, digits
-from granpinn.physics.axes import vertical_coordinate
 from granpinn.results.record import IMPOSSIBLE, IMPROBABLE, UNUSUAL, Check, Reason, Record
 
 FEWEST_GRAINS, FEW_GRAINS, FEW_IN_LAYERS, MOST_GRAINS = 2.0, 10.0, 5.0, 2000.0
@@ -46,10 +44,8 @@ MONOLAYER = 0.9  # distance of side walls over the grain diameter
 LONG = 1000.0  # period over the width of the grid
 MOST_ZEROS = 0.005  # share of the vectors after the start that are exactly zero
 EXACT = 1e-6  # error of a velocity over the largest speed
-HEAVY, TOO_HEAVY = 1e3, 1e6  # stress over the weight of the grains
 LEVEL = 0.01  # component of gravity along x, over gravity
 ONE_WAY = 0.5  # mean velocity over mean speed
-FEWEST = 5  # columns of grains that a line of one column cannot cover
 
 
 @dataclass(frozen=True)
@@ -65,9 +61,8 @@ class Statements(Record):
 def make(inspection: Inspection) -> Statements:
     flow, speeds = inspection.filmed, inspection.speeds
     u, v = _vectors(flow)
-    found = [*_sizes(flow), *_lengths(flow), *_errors(flow, speeds), *_line(flow)]
-    found += [*_stresses(flow), *_level(flow, u, speeds), *_alike(u, v), *_zeros(u, v)]
-    return Statements((*found, *_locked(flow, speeds)))
+    found = [*_sizes(flow), *_lengths(flow), *_errors(flow, speeds), *_level(flow, u, speeds)]
+    return Statements((*found, *_zeros(u, v), *_locked(flow, speeds)))
 
 
 def _sizes(flow: Flow) -> list[Reason]:
@@ -115,7 +110,7 @@ def _lengths(flow: Flow) -> list[Reason]:
 
 
 def _errors(flow: Flow, speeds: Float64) -> list[Reason]:
-    sd, fastest = known_sd(spread(flow)), float(speeds.max(initial=0.0))
+    sd, fastest = known_sd(thinned(flow)), float(speeds.max(initial=0.0))
     if sd == 0 or fastest == 0 or EXACT * fastest <= sd <= fastest:
         return []
     size = "larger than" if sd > fastest else f"{sd / fastest:.1g} of"
@@ -124,38 +119,6 @@ def _errors(flow: Flow, speeds: Float64) -> list[Reason]:
         f"{fastest:.3g}: check the unit of sigma_u and sigma_v"
     )
     return [Reason(UNUSUAL, text)]
-
-
-def _line(flow: Flow) -> list[Reason]:
-    if flow.surface is None:
-        return []
-    upright, _ = vertical_coordinate(flow.gravity)
-    place = flow.surface.x if upright else flow.surface.y
-    columns = int((flow.c[0] >= 1).any(axis=0 if upright else 1).sum())
-    if columns < FEWEST or np.ptp(place) >= flow.spacing[0 if upright else 1]:
-        return []
-    text = (
-        f"all points of the free surface lie within one of {columns} columns of grains, at "
-        f"{'x' if upright else 'y'} = {place[0]:.4g}: give the line from end to end"
-    )
-    return [Reason(IMPROBABLE, text)]
-
-
-def _stresses(flow: Flow) -> list[Reason]:
-    weight = flow.density * math.hypot(*flow.gravity) * initial_height(flow)
-    parts = {
-        "surface_p": None if flow.surface is None else flow.surface.p,
-        "wall_p": None if flow.walls is None else flow.walls.p,
-        "wall_tau": None if flow.walls is None else flow.walls.tau,
-    }
-    found = []
-    for name, values in parts.items():
-        sizes = np.abs(values[np.isfinite(values)]) if values is not None else np.empty(0)
-        ratio = float(sizes.max(initial=0.0)) / weight
-        if ratio > HEAVY:
-            text = f"{name} is up to {ratio:.2g} times the weight of the grains: check its unit"
-            found.append(Reason(IMPOSSIBLE if ratio > TOO_HEAVY else IMPROBABLE, text))
-    return found
 
 
 def _level(flow: Flow, u: Floats, speeds: Float64) -> list[Reason]:
@@ -173,18 +136,6 @@ def _level(flow: Flow, u: Floats, speeds: Float64) -> list[Reason]:
         "nothing drives it: give gravity in the axes of the slope (granpinn convert --tilt)"
     )
     return [Reason(IMPROBABLE, text)]
-
-
-def _alike(u: Floats, v: Floats) -> list[Reason]:
-    """Grains that move as one body."""
-    size = float(np.hypot(u, v).max(initial=0.0))
-    if size == 0 or max(float(np.ptp(u)), float(np.ptp(v))) > EXACT * size:
-        return []
-    text = (
-        f"all vectors are ({u[0]:.4g}, {v[0]:.4g}), and grains that move as one body show nothing "
-        "of their friction: check u and v"
-    )
-    return [Reason(IMPOSSIBLE, text)]
 
 
 def _zeros(u: Floats, v: Floats) -> list[Reason]:
@@ -219,7 +170,7 @@ def _vectors(flow: Flow) -> tuple[Floats, Floats]:
     if flow.particles is not None:
         later = flow.after_start(flow.particles.t)
         return flow.particles.u[later], flow.particles.v[later]
-    some = spread(flow)
+    some = thinned(flow)
     there = some.valid & some.after_start(some.t)[:, None, None]
     return some.u[there], some.v[there]
 

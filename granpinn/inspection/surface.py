@@ -17,7 +17,7 @@ import numpy as np
 from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow
 from granpinn.data.large import some_frames
-from granpinn.estimates.upright import upright
+from granpinn.estimates.stress import upright
 from granpinn.inspection import Inspection
 from granpinn.results.record import ADVICE, IMPOSSIBLE, IMPROBABLE, Check, Reason, Record
 

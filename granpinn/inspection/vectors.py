@@ -1,4 +1,4 @@
-"""The vectors: how many, and where they are missing or zero."""
+"""The vectors: how many, and where they are missing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ class Vectors(Record):
         count: of the valid ones.
         rows, columns: of the grid; of scattered vectors, of their view on a grid.
         invalid_share: share of the cells full of grains that have no vector; None if scattered.
-        zero_share: share of the vectors after t = 0 that are exactly zero.
     """
 
     title = "vectors"
@@ -31,14 +30,13 @@ class Vectors(Record):
     rows: int
     columns: int
     invalid_share: float | None
-    zero_share: float
 
     @property
     def words(self) -> str:
         kind = "scattered" if self.scattered else f"on {self.rows} x {self.columns} cells"
         share = self.invalid_share
         gaps = "" if share is None else f", {share:.1%} of the grains without"
-        return f"{self.count} {kind}{gaps}, {self.zero_share:.1%} exactly zero"
+        return f"{self.count} {kind}{gaps}"
 
     def reasons(self, of: Inspection) -> list[Reason]:
         if self.invalid_share is None or self.invalid_share <= MANY_INVALID:
@@ -54,19 +52,11 @@ class Vectors(Record):
 
 
 def make(inspection: Inspection) -> Vectors:
-    flow, view = inspection.flow, inspection.facts.view
-    particles = flow.particles
-    if particles is None:
-        later = flow.valid & flow.after_start(flow.t)[:, None, None]
-        u, v = flow.u[later], flow.v[later]
+    view, invalid = inspection.facts.view, None
+    scattered = inspection.flow.particles is not None
+    if not scattered:
         invalid = 1 - int(view.there.sum()) / int(view.grains.sum())
-    else:
-        later = flow.after_start(particles.t)
-        u, v = (a[later].astype(np.float64) for a in (particles.u, particles.v))
-        invalid = None
-    zero = int(((u == 0) & (v == 0)).sum()) / max(u.size, 1)
-    count = int(view.count.sum())
-    return Vectors(count, particles is not None, view.y.size, view.x.size, invalid, zero)
+    return Vectors(int(view.count.sum()), scattered, view.y.size, view.x.size, invalid)
 
 
 def _share_of_valid(inspection: Inspection) -> Any:

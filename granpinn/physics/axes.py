@@ -55,13 +55,3 @@ class Axes:
         # It turns twice as far as a vector.
         double = Axes(self.cos**2 - self.sin**2, 2 * self.cos * self.sin, self.gravity)
         return double.undo(tau_xx, tau_xy)
-
-
-def vertical_coordinate(gravity: tuple[float, float]) -> tuple[int, bool]:
-    """The coordinate of the file that is nearer to the vertical, 0 for x and 1 for y.
-
-    Returns:
-        The coordinate, and whether the ground is where it is large.
-    """
-    g_x, g_y = gravity
-    return (0, g_x > 0) if abs(g_x) > abs(g_y) else (1, g_y > 0)

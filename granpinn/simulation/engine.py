@@ -38,9 +38,7 @@ class StepReport:
     Attributes:
         time, step: time at the end of the step, and its length.
         viscous_iterations, pressure_iterations: of the two solves.
-        viscous_error, pressure_error: energy norms relative to that of gravity in one step.
         largest_divergence: largest volume error of a cell, relative.
-        largest_speed: of any face.
         window: cells that were computed, (x, y).
     """
 
@@ -48,10 +46,7 @@ class StepReport:
     step: float
     viscous_iterations: int
     pressure_iterations: int
-    viscous_error: float
-    pressure_error: float
     largest_divergence: float
-    largest_speed: float
     window: tuple[int, int]
 
 

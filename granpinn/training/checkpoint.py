@@ -28,7 +28,7 @@ from safetensors import SafetensorError
 from safetensors import torch as safetensors
 from torch import Tensor
 
-from granpinn.data.memory import available
+from granpinn.data.large import available
 from granpinn.errors import CannotGoOn
 from granpinn.output import OutputError, make_folder, naming, write_bytes
 from granpinn.regular import read_regular_file

@@ -23,7 +23,7 @@ UNITS = ("length_unit", "time_unit", "density_unit")
 MATERIAL = ("gravity", "density", "grain_density", "grain_diameter", "eta_min", "eta_max")
 GRID = ("t", "y", "x", "u", "v", "c", "sigma_u", "sigma_v")
 SURFACE = ("t", "x", "y")  # the level decides whether the pressure there is used: `of_data`
-WALLS = ("x", "y", "t", "u", "v", "slip", "p", "tau")
+WALLS = ("x", "y", "u", "v", "slip", "p")
 PARTICLES = ("t", "x", "y", "u", "v", "sigma_u", "sigma_v")
 
 _digests: WeakKeyDictionary[Flow, str] = WeakKeyDictionary()

@@ -56,9 +56,9 @@ class VelocityNoise:
     share: float = 1.0
 
     @classmethod
-    def of(cls, facts: Facts, training: int | None = None) -> VelocityNoise:
-        """Of a flow, from its measured noise, for a number of vectors as of `Facts.independent`."""
-        share = min(1.0, math.sqrt(RESOLVED / max(1.0, facts.independent(training))))
+    def of(cls, facts: Facts) -> VelocityNoise:
+        """Of a flow, from its measured noise and its number of independent vectors."""
+        share = min(1.0, math.sqrt(RESOLVED / max(1.0, facts.independent)))
         return cls(facts.sigma, share)
 
     def factor(self, weight: float, misfit: float) -> float:
@@ -171,7 +171,7 @@ def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
         physics,
         [sigma**-2 for sigma in sigmas],
         mean_length_of(flow) / scales.length,
-        VelocityNoise.of(facts, len(data.points)) if config.weights.follow_noise else NO_NOISE,
+        VelocityNoise.of(facts) if config.weights.follow_noise else NO_NOISE,
         scales.pressure,
         (flow.stated(WINDOW) or 0.0) / scales.length,
     )

@@ -23,7 +23,7 @@ from dataclasses import dataclass, fields, replace
 import torch
 
 from granpinn.config import Config, ConfigError
-from granpinn.data.memory import available
+from granpinn.data.large import available
 from granpinn.kernels.network import OUTPUTS, n_params
 from granpinn.training.last_layer_sums import CHUNK, POINTS, SURFACE_POINTS
 from granpinn.training.objective import Member

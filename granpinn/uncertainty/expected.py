@@ -16,8 +16,7 @@ from collections.abc import Sequence
 from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
 from granpinn.data.steady import steady_mean
-from granpinn.estimates.facts import Facts
-from granpinn.estimates.inertia import inertial_numbers
+from granpinn.estimates.facts import Facts, inertial_numbers
 from granpinn.physics.laws import mu_of_i
 from granpinn.uncertainty.determined import percentiles
 from granpinn.uncertainty.error_bars import sd_of
@@ -42,7 +41,7 @@ def expected_of(facts: Facts, level: str, of_solver: bool) -> Known | None:
     return _of_range(I_range, not of_solver)._replace(
         misfit=noise,
         noise=noise,
-        vectors=facts.independent(),
+        vectors=facts.independent,
         outline=level == "V0",
     )
 

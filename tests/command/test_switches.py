@@ -43,9 +43,9 @@ def test_a_flag_that_is_unknown_comes_with_the_nearest_one(flag: str, meant: str
 
 
 def test_training_on_files_of_an_instrument_says_how_to_convert_them(tmp_path: Path) -> None:
-    path = tmp_path / "a.vec"
-    path.write_text('TITLE="a" VARIABLES="X mm", "Y mm", "U m/s", "V m/s", "CHC", ZONE I=1, J=1\n')
-    with pytest.raises(DataFileError, match=r"granpinn convert .*a\.vec --out flow\.h5 --scale"):
+    path = tmp_path / "a.txt"
+    path.write_text("# x y u v flags mask\n1 1 1 1 0 0\n")
+    with pytest.raises(DataFileError, match=r"granpinn convert .*a\.txt --out flow\.h5 --scale"):
         require_flow_file(path)
     (tmp_path / "b").write_bytes(b"\x00\x01garbage")
     require_flow_file(tmp_path / "b")  # the reader of flow files refuses it

@@ -150,7 +150,7 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         lambda f: _replace(f, "u", data=h5py.Empty("f4")),
         "u must be an array",
     ),
-    "scalar": (lambda f: _replace(f, "u", data=np.float32(1)), "got 0 dimensions"),
+    "scalar": (lambda f: _replace(f, "u", data=np.float32(1)), "got float32 []"),
     "variable-length strings": (
         lambda f: _retype(f, h5py.string_dtype()),
         "got string",
@@ -174,14 +174,21 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         lambda f: _replace(f, "u", data=np.transpose(f["u"][:])),
         "u must be [T, Y, X] = [12, 24, 20], got [20, 24, 12]: transpose it",
     ),
-    "two dimensions": (lambda f: _replace(f, "u", data=f["u"][0]), "got 2 dimensions"),
-    "four dimensions": (lambda f: _replace(f, "u", data=f["u"][:][None]), "got 4 dimensions"),
-    "other grid": (lambda f: _replace(f, "u", data=f["u"][:, :-1]), "at every point of the grid"),
+    "walls that move": (
+        lambda f: f.create_dataset("wall_t", data=np.zeros(2)),
+        "wall_t must not be there",
+    ),
+    "two dimensions": (lambda f: _replace(f, "u", data=f["u"][0]), "got float32 [24, 20]"),
+    "four dimensions": (
+        lambda f: _replace(f, "u", data=f["u"][:][None]),
+        "got float32 [1, 12, 24, 20]",
+    ),
+    "other grid": (lambda f: _replace(f, "u", data=f["u"][:, :-1]), "give a value at every point"),
     "short surface": (
         lambda f: _replace(f, "surface_x", data=f["surface_x"][:-1]),
-        "surface_x must have as many points as surface_t",
+        "surface_x must be [n] = ",
     ),
-    "half a surface": (lambda f: f.pop("surface_y"), "must come together"),
+    "half a surface": (lambda f: f.pop("surface_y"), "must come with"),
     # Attributes
     "other format": (
         lambda f: f.attrs.__setitem__("format_name", np.bytes_("other")),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from granpinn.data.local_planes import smoothed
+from granpinn.data.outline import smoothed
 
 SPACING = 0.1
 

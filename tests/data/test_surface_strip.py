@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from granpinn.data import Flow, TrainingSet, training_set
+from granpinn.data.collocation import DENSITY, FINER, LARGEST_PART
 from granpinn.data.flow import Surface
 from granpinn.data.scaling import scales_of
-from granpinn.data.surface_strip import DENSITY, FINER, LARGEST_PART
 from granpinn.data.symmetry import axes_of
 from tests.data.walled import line
 from tests.flows import make_chute

@@ -25,17 +25,6 @@ from tests.data.walled import FLOOR, NAN, full, line, single
 from tests.flows import make_chute
 
 
-def test_a_wall_that_moves_is_one_wall() -> None:
-    """A plate that falls: a piece for every time; at a time the nearest one is there."""
-    plate = line((0, 3), (2, 3), (NAN, NAN), (0, 2), (2, 2), (NAN, NAN), (0, 0), (2, 0))
-    plate = replace(plate, t=np.array([1.0, 1, NAN, 2, 2, NAN, NAN, NAN]))
-    found = segments_of(plate)
-    np.testing.assert_array_equal(found.wall, [1, 1, 0])
-    for time, height in ((0.0, 3.0), (1.4, 3.0), (1.6, 2.0), (9.0, 2.0)):
-        ((_, there),) = found.spells(np.array([time]))
-        assert sorted(there.ends[:, 0, 1]) == [0.0, height]
-
-
 def test_normals_of_a_drum_point_to_its_center() -> None:
     """Corners keep the normals of their sides; the polygon of a drum has those of the circle."""
     a = np.linspace(0, 2 * np.pi, 41)
@@ -64,14 +53,10 @@ def test_crossed() -> None:
     assert found == {name: p[2] for name, p in paths.items()}
 
 
-def test_walls_part_paths_at_the_time_of_the_path() -> None:
-    """A plate that falls parts a path before and not after; a path without an end, never."""
-    plate = line((-1, 1), (1, 1), (NAN, NAN), (-1, -1), (1, -1))
-    falls = segments_of(replace(plate, t=np.array([1.0, 1, NAN, 2, 2])))
-    start = np.array([[0.0, 0.0]] * 4)
-    end = np.array([[0.0, 2.0], [0.0, 2.0], [0.0, -2.0], [NAN, NAN]])
-    found = parted(start, end, np.array([2.0, 1.0, 2.0, 1.0]), falls)
-    np.testing.assert_array_equal(found, [False, True, True, False])
+def test_a_path_without_an_end_crosses_nothing() -> None:
+    plate = segments_of(line((-1, 1), (1, 1)))
+    start, end = np.zeros((2, 2)), np.array([[0.0, 2.0], [NAN, NAN]])
+    np.testing.assert_array_equal(parted(start, end, plate), [True, False])
 
 
 def test_samples_are_evenly_spaced_and_off_the_corners() -> None:

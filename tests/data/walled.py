@@ -33,10 +33,8 @@ def single(*values: float) -> Any:
 
 EVERYTHING = replace(
     TWO,
-    t=np.array([NAN, NAN, NAN, 0.5, 0.5]),
     u=np.array([1.0, 1.0, NAN, 0, 1 / 3]),
     v=np.zeros(5),
     slip=single(0, 0, NAN, 1, 1),
     p=single(1, NAN, NAN, 2, 3),
-    tau=single(NAN, NAN, NAN, 0, 1),
 )

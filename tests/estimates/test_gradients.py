@@ -7,9 +7,8 @@ import pytest
 
 from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
-from granpinn.estimates.gradients import gradients
-from granpinn.estimates.inertia import estimated_pressure
-from granpinn.estimates.view import view_of
+from granpinn.estimates.facts import estimated_pressure
+from granpinn.estimates.gradients import gradients, view_of
 from granpinn.inspection import inspect
 from tests.flows import make_flow
 

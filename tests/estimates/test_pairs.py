@@ -7,7 +7,7 @@ from granpinn.arrays import Float64
 from granpinn.data import Particles, particle_flow
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
-from granpinn.estimates.pairs import pair_noise
+from granpinn.estimates.noise import pair_noise
 from granpinn.inspection import inspect
 
 FRAMES, SIDE, PER_FRAME = 24, 30.0, 200

@@ -18,7 +18,7 @@ import torch
 from granpinn import results
 from granpinn.commands import train
 from granpinn.data import Flow
-from granpinn.data.norms import relative_l2
+from granpinn.data.points import relative_l2
 from granpinn.fit.case import Model, members, pose
 from granpinn.fit.prediction import predict
 from granpinn.identification.start import start

@@ -43,16 +43,19 @@ def test_times_without_a_unit_are_no_numbers_of_frames(tmp_path: Path) -> None:
 
 
 NO_TIMES = {
-    "decimal commas between commas": (["Zeit [s]", "0,010", "0,020", "0,030"], "a comma both"),
+    "decimal commas between commas": (["t [s]", "0,010", "0,020", "0,030"], "a comma both"),
     "several columns": (["frame;temps [s]", "1;0,5", "2;0,6", "3;0,7"], "must have the columns t"),
-    "no header": (["1,0.5", "2,0.6", "3,0.7"], "must hold one number in every row, got 2"),
+    "no header": (["1,0.5", "2,0.6", "3,0.7"], "must have the columns t, got 1, 0.5"),
     "two times": (["t [s],time [ms]", "1,2", "2,3", "3,4"], "one column for t, got t, time"),
-    "more cells": (["t [s],frame", "1,5,0", "2,5,1", "3,5,2"], "expected 2 cells as above, got 3"),
-    "comma and point": (["t [s];frame", "1,5;0", "2.5;1", "3,5;2"], "expected one decimal sign"),
-    "thousands": (["t [s];frame", "1.000,5;0", "2;1", "3;2"], "expected one decimal sign"),
+    "more cells": (
+        ["t [s],frame", "1,5,0", "2,5,1", "3,5,2"],
+        "must have 2 cells in every row",
+    ),
+    "comma and point": (["t [s];frame", "1,5;0", "2.5;1", "3,5;2"], "two decimal signs"),
+    "thousands": (["t [s];frame", "1.000,5;0", "2;1", "3;2"], "two decimal signs"),
     "commas and blanks": (
         ["# t [s] frame [-]", "1,5 0", "2,5 1", "3,5 2"],
-        "separate columns with",
+        "must have the columns t",
     ),
     "a frame in ms": (["t [s],frame [ms]", "1,0", "2,1", "3,2"], "plain numbers without a unit as"),
     "no time": (["t [s],frame", "1,0", ",1", "3,2"], "finite t"),
@@ -67,10 +70,10 @@ def test_times_that_can_be_read_in_two_ways_are_refused(tmp_path: Path, name: st
 
 
 NO_SURFACE = {
-    "decimal commas": (["frame,x [mm],y [mm]", "0,1,5,6,5"], "expected 3 cells as above, got 5"),
+    "decimal commas": (["frame,x [mm],y [mm]", "0,1,5,6,5"], "must have 3 cells in every row"),
     "x twice": (["t,x,x_position,y", "0,1,2,3"], "must have one column for x, got x, x_position"),
     "a time for a length": (["frame,x [s],y", "0,1,2"], "must be a unit of length"),
-    "no number": (["frame;x;y", "0;1,5,5;2"], "expected numbers, got '1.5.5'"),
+    "no number": (["frame;x;y", "0;1,5,5;2"], "got '1,5,5' in row 1"),
 }
 
 
@@ -87,7 +90,7 @@ def test_points_that_can_be_read_in_two_ways_are_refused(tmp_path: Path, name: s
     [
         ("x [px],y [px],a [px/frame],b [px/frame],Vector type [-]", "must have the columns u, v"),
         ("x [px],y [px],u [px/frame],u [px/frame],v", "must have one column for u, got u, u"),
-        ("x [px],y [px],u [px/frame],v [px/frame]", "expected 4 cells as above, got 5"),
+        ("x [px],y [px],u [px/frame],v [px/frame]", "must have 4 cells in every row"),
         ("x,y,u,v,t\nx,y,v,u,t", "one line with the names of its columns"),
     ],
 )
@@ -100,22 +103,17 @@ def test_headers_that_do_not_name_the_columns_are_refused(
         read_vectors(scene.write_lines(path, [first, second, head, *rows]))
 
 
-@pytest.mark.parametrize(
-    ("scale", "offset", "cause"),
-    [(100, 0, "per cent"), (255, 0, "grey levels"), (1.01, 0, "solver"), (1, -1.2, "solver")],
-)
-def test_a_fraction_beyond_0_and_1_is_refused(
-    tmp_path: Path, scale: float, offset: float, cause: str
-) -> None:
+@pytest.mark.parametrize(("scale", "offset"), [(100, 0), (255, 0), (1.01, 0), (1, -1.2)])
+def test_a_fraction_beyond_0_and_1_is_refused(tmp_path: Path, scale: float, offset: float) -> None:
     given = arrays()
     c = given["c"] * scale + offset
-    with pytest.raises(DataFileError, match=f"c must be a volume fraction from 0 to 1.*{cause}"):
+    with pytest.raises(DataFileError, match="c must be a volume fraction from 0 to 1"):
         granpinn.flow(**given | {"c": c}, **UNITS, **MATERIAL)
     path = basilisk(tmp_path / "a.txt")
     rows = path.read_text().splitlines()
     cells = [row.split() for row in rows[1:]]
     changed = [[*r[:2], str(float(r[2]) * scale + offset), *r[3:]] if r else r for r in cells]
-    with pytest.raises(DataFileError, match=f"c must be a volume fraction.*{cause}"):
+    with pytest.raises(DataFileError, match="c must be a volume fraction"):
         read_vectors(scene.write_lines(path, [rows[0], *map(" ".join, changed)]))
 
 

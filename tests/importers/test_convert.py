@@ -146,7 +146,7 @@ WRONG = {
     "format": (["FILE", "--out", "f.h5", "--format", "tiff"], "--format must be auto or one of"),
     "wrong format": (
         ["FILE", "--out", "f.h5", "--format", "openpiv"],
-        "FILE must begin with '# x y u v flags mask', got",
+        "FILE must have the columns",
     ),
     "scale": (
         ["FILE", "--out", "f.h5", "--scale", "2 mm", *CAMERA[2:], *MATERIAL],

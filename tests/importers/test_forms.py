@@ -28,7 +28,7 @@ def test_every_form_is_the_same_flow_or_is_refused(tmp_path: Path, name: str, pa
 
 
 def test_there_are_many_forms() -> None:
-    for pairs, count in ((False, 450), (True, 2000)):
+    for pairs, count in ((False, 400), (True, 1500)):
         forms = [form for family in FAMILIES.values() for form in family.forms(pairs)]
         assert len(forms) > count
         assert sum(must for _, must in forms) > count / 2

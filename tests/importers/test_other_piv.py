@@ -1,10 +1,9 @@
-"""OpenPIV, TSI Insight and DaVis: real samples, and the scene in their layouts."""
+"""OpenPIV and DaVis: real samples, and the scene in their layouts."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from granpinn.importers import Validity, read_vectors
@@ -34,26 +33,6 @@ def openpiv(
 
 
 PIXEL = {"px": "pixel", "px/frame": "pixel"}
-
-INSIGHT = scene.View("mm", "mm", up=True)
-
-
-def insight(
-    path: Path, k: int = 0, *, view: scene.View = INSIGHT, delimiter: str = ", ", **style: str
-) -> Path:
-    """Rejected vectors keep their numbers; rows from the top, y mostly up."""
-    title = (
-        'TITLE="a.vec" VARIABLES={}, DATASETAUXDATA Application="PIV" DATASETAUXDATA '
-        'MicrosecondsPerDeltaT="2000.000000" DATASETAUXDATA TimeUnit="deltaT" ZONE I=9, J=7, '
-        "F=POINT"
-    )
-    units = [PIXEL.get(unit, unit) for unit in view.units]
-    names = [f'"{name} {unit}"' for name, unit in zip("XYUV", units, strict=True)]
-    codes = {0: "-2", Validity.VALID: "1", Validity.INTERPOLATED: "2", Validity.INVALID: "-1"}
-    rows = [[*scene.text(*row[:4]), codes[int(row[4])]] for row in scene.table(k, view)]
-    names += ['"CHC"']
-    return scene.write_table(path, [], names, rows, title=title, delimiter=delimiter, **style)
-
 
 DAVIS = scene.View("mm", "mm", "m/s", "m/s", up=True)
 
@@ -87,15 +66,6 @@ def test_openpiv_samples() -> None:
     assert (new.u[0, -1, 5], new.v[0, -1, 5]) == (-2.6715e-09, -8.2549e02)
 
 
-def test_insight_sample() -> None:
-    fields = read_vectors(SAMPLES / "insight_day2a005000.vec")
-    assert fields.u.shape == (1, 43, 41)
-    assert (fields.count(Validity.VALID), fields.count(Validity.INVALID)) == (1500, 263)
-    assert fields.u[0, -1, 9] == pytest.approx(-0.043177 / 0.055)
-    assert fields.v[0, -1, 9] == pytest.approx(0.257086 / 0.055)
-    assert np.isnan(fields.u[0, -1, 0])
-
-
 def test_davis_sample() -> None:
     """2530 of its 4096 places hold (0, -0): none of them may become a vector at rest."""
     fields = read_vectors(SAMPLES / "davis8_ascii_B00001.txt")
@@ -107,6 +77,6 @@ def test_davis_sample() -> None:
 
 def test_samples_have_no_silent_zeros() -> None:
     for path in sorted(SAMPLES.iterdir()):
-        if path.suffix in (".txt", ".vec"):
+        if path.suffix == ".txt":
             fields = read_vectors(path)
             assert not (fields.usable & (fields.u == 0) & (fields.v == 0)).any(), path

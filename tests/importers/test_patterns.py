@@ -22,18 +22,14 @@ SECONDS = 3.0
 
 # The method that the reader calls, and pieces that a hostile text repeats.
 PATTERNS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "basilisk._COLUMN": ("findall", ("1", "1:", " 1", "1:a ")),
-    "basilisk._FIRST": ("match", (" ", "# ", "#", "# 1:x ")),
     "columns._COLUMN": ("fullmatch", ("a", " ", "[", "(a", "a[", "]")),
-    "davis._TEXT_HEADER": ("match", ("#", "# ", "DaVis ", "1 ", "#DaVis 1 2D-vector 1")),
-    "insight._DELTA": ("search", ('MicrosecondsPerDeltaT="1', "1", "1.1")),
-    "insight._SIZE": ("search", ("I=", "I= ", "I=1, J=", "I=1")),
-    "pivlab_text._FACTOR": ("findall", ("conversion factor xy (", ")", ": ", " ", "1", "e")),
-    "pivlab_text._NUMBER": ("findall", ("1", "a1")),
-    "pivlab_text._FRAME": ("search", ("FRAME:", "FRAME: ", "1")),
-    "pivlab_text._NUMBER_FIRST": ("match", (" ", "-", "n", ".")),
+    "grids._DAVIS": ("match", ("#", "# ", "DaVis ", "1 ", "#DaVis 1 2D-vector 1")),
+    "grids._FACTOR": ("findall", ("conversion factor xy (", ")", ": ", " ", "1", "e")),
+    "grids._FRAME": ("search", ("FRAME:", "FRAME: ", "1")),
+    "grids._NUMBER_FIRST": ("match", (" ", "-", "n", ".")),
+    "grids._NUMBERED": ("findall", ("1", "1:", " 1", "1:a ")),
     "series._NUMBER": ("split", ("1", "1.", "a1", ".")),
-    "source._NUMBER": ("findall", ("1", "1.", "1e", "1e+", "1.1e")),
+    "series._TIME": ("findall", ("1", "1.", "1e", "1e+", "1.1e")),
     "units._NAME_WITH_POWER": ("findall", ("m", "m^", "m-", "m2", "**")),
     "units._QUANTITY": ("fullmatch", ("1", ".", "1.", "1e", "1 ", " ", "+")),
     "units._UNIT": ("fullmatch", ("m", "m*", "1/", "m ", "m2", " ", "m^")),
@@ -43,8 +39,7 @@ PATTERNS: dict[str, tuple[str, tuple[str, ...]]] = {
 def modules() -> list[Any]:
     packages = (granpinn.importers, granpinn.foreign)
     found = [m for p in packages for m in pkgutil.iter_modules(p.__path__, f"{p.__name__}.")]
-    without = "granpinn.foreign.davis"  # it needs lvpyio
-    return [importlib.import_module(module.name) for module in found if module.name != without]
+    return [importlib.import_module(module.name) for module in found]
 
 
 def patterns() -> dict[str, re.Pattern[Any]]:

@@ -98,19 +98,6 @@ def all_frames(view: scene.View = scene.PIXELS, **options: Any) -> dict[str, Any
     return found | {"u_smoothed": nothing, "calxy": xy, "calu": uv, "calv": uv}
 
 
-def session(**options: Any) -> dict[str, Any]:
-    m = matrices(**options)
-    table = np.empty((12, scene.FRAMES), object)
-    for k in range(scene.FRAMES):
-        table[:, k] = [np.empty((0, 0))] * 12
-        table[0, k], table[1, k] = m["x"][k], m["y"][k]
-        table[2, k], table[3, k] = 9 + m["u"][k], 9 + m["v"][k]
-        table[6, k], table[7, k] = m["u"][k], m["v"][k]
-        if "typevector" in m:
-            table[4, k] = table[8, k] = m["typevector"][k]
-    return {"resultslist": table, "calxy": 0.5e-3, "calu": 0.25, "calv": 0.25}
-
-
 WRITERS = pytest.mark.parametrize("write", [version_5, version_73])
 
 

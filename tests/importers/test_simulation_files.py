@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from granpinn.importers import DataFileError, Validity, from_arrays
-from granpinn.importers.datasets import from_dataset
+from granpinn.importers.arrays import from_dataset
 from tests.importers import scene
 
 U, V = scene.velocity()

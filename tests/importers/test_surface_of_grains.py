@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from granpinn.importers import Settings, convert
-from granpinn.importers.density import surface_of_grains
+from granpinn.importers.surface import surface_of_grains
 
 D = 0.01
 

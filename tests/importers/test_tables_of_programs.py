@@ -1,4 +1,4 @@
-"""Tables as trackpy, pandas, R, spreadsheets, TrackMate, TracTrac and opyf write them."""
+"""Tables as trackpy, pandas, R, spreadsheets, TrackMate and TracTrac write them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from granpinn.importers import DataFileError, read, read_vectors
-from tests.importers import scene
 
 MATERIAL = {"grain_diameter": "2 mm", "grain_density": "2500 kg/m^3", "solid_fraction": 0.6}
 
@@ -57,7 +56,6 @@ DIALECTS: dict[str, tuple[str, str, dict[str, Any]]] = {
         "utf-8",
         {},
     ),
-    "R, row names without a name": (table("frame particle x y", "ifpxy", " "), "utf-8", {}),
     "comments above": (table(above=("# made by hand", "# frame rate, x, 500")), "utf-8", {}),
     "a title above": (table(above=("Tracks of film 3", "")), "utf-8", {}),
     "UTF-16": (table(separator="\t"), "utf-16", {}),
@@ -68,11 +66,6 @@ DIALECTS: dict[str, tuple[str, str, dict[str, Any]]] = {
         table(",,(pixel),(pixel),,", "ppxyfi", above=TRACKMATE),
         "utf-8",
         {},
-    ),
-    "own names": (
-        table("Bild,Korn,rechts,oben"),
-        "utf-8",
-        {"columns": "frame=Bild,particle=Korn,x=rechts,y=oben"},
     ),
 }
 
@@ -108,25 +101,9 @@ def tractrac_text(folder: Path) -> Path:
     return folder / "a.txt"
 
 
-def opyf_csv(folder: Path) -> list[Path]:
-    for k in range(FRAMES):
-        now = rows()[rows()[:, 0] == k]
-        lines = ["N,X,Y,Ux,Uy", *(f"{i},{x},{y},{u},{v}" for _, i, x, y, u, v in now)]
-        scene.write_lines(folder / f"{k:04}.csv", lines)
-    return sorted(folder.glob("*.csv"))
-
-
-PROGRAMS = {
-    "TracTrac": (tractrac_text, None, None),
-    "opyf": (opyf_csv, "px", "px/frame"),
-}
-
-
-@pytest.mark.parametrize("name", PROGRAMS)
-def test_velocities_of_programs_are_taken_as_measured(tmp_path: Path, name: str) -> None:
-    write, length, velocity = PROGRAMS[name]
-    fields = read_vectors(write(tmp_path))
-    assert (fields.length_unit, fields.velocity_unit) == (length, velocity)
+def test_velocities_of_programs_are_taken_as_measured(tmp_path: Path) -> None:
+    fields = read_vectors(tractrac_text(tmp_path))
+    assert (fields.length_unit, fields.velocity_unit) == (None, None)
     found, expected = (np.lexsort(a) for a in ((fields.u, fields.t), (rows()[:, 4], rows()[:, 0])))
     np.testing.assert_allclose(fields.t[found], rows()[expected, 0])
     for values, k in ((fields.x, 2), (fields.y, 3), (fields.u, 4), (fields.v, 5)):

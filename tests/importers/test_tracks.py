@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from granpinn.importers import DataFileError
-from granpinn.importers.tracking import velocities
+from granpinn.importers.tracks import velocities
 
 N_TRACKS, N_FRAMES = 40, 12
 A, B, C = 0.3, 1.5, -0.04  # a parabola in px and frames, exact for the local fit

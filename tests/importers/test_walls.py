@@ -31,7 +31,7 @@ BROKEN = {
     "y missing": ("x,u\n1,2\n", "must have the columns y, got x, u"),
     "unknown": ("x,y,depth\n1,2,3\n", "must have a first line"),
     "twice": ("x,y,x\n1,2,3\n", "must have one column for x, got x, x"),
-    "short rows": ("x,y,u,v\n1,2,3\n2,3,4\n", "line 2: expected 4 cells as above, got 3"),
+    "short rows": ("x,y,u,v\n1,2,3\n2,3,4\n", "must have 4 cells in every row"),
     "infinite": ("x,y\n1,2\n3,inf\n", "must have a finite y of at most"),
     "a unit of time": ("x [s],y\n1,2\n3,4\n", "x must be without a unit with dimensionless"),
 }

@@ -54,7 +54,7 @@ def test_the_fall_is_measured(acceleration: float, degrees: float, noise: float,
 def test_a_slender_column_falls_freely() -> None:
     """The block keeps its height, as no column does; what falls as slowly is none if it is wide."""
     flow = falling(0.2)
-    aspect, shrinks = slender(body_of(flow), flow.gravity)
+    aspect, shrinks = slender(body_of(flow))
     assert aspect == pytest.approx(H / WIDTH, rel=0.15)
     assert shrinks == pytest.approx(1, abs=0.1)
     assert words(flow) == []
@@ -144,7 +144,7 @@ def test_inertial_numbers_of_a_gas() -> None:
     flow = make_flow()
 
     def slips_of(median: float, flow: Flow = flow) -> list[Reason]:
-        numbers = InertialRange(0.0, median, 1.0, 3.0, None, None, 0.0, 1.0, ())
+        numbers = InertialRange(0.0, median, 1.0, 3.0, None, 0.0, 1.0, ())
         return numbers.reasons(Inspection(flow))
 
     assert slips_of(0.5) == []

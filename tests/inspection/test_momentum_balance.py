@@ -20,25 +20,6 @@ def stress_of(flow: Flow) -> Stress:
     return found
 
 
-def turned(flow: Flow, quarters: int) -> Flow:
-    """The same flow in axes that are turned by quarter turns."""
-    for _ in range(quarters):
-        g_x, g_y = flow.gravity
-        assert flow.surface is not None
-        line = replace(flow.surface, x=-flow.surface.y, y=flow.surface.x)
-        flow = replace(
-            flow,
-            x=np.sort(-flow.y),
-            y=flow.x,
-            u=np.rot90(-flow.v, -1, (1, 2)),
-            v=np.rot90(flow.u, -1, (1, 2)),
-            c=np.rot90(flow.c, -1, (1, 2)),
-            gravity=(-g_y, g_x),
-            surface=line,
-        )
-    return flow
-
-
 @pytest.mark.parametrize("attributes", [{}, {"period_x": 9.0}, {"period_x": 9.0, "steady": 1}])
 def test_bagnolds_stress(attributes: dict[str, float]) -> None:
     flow = replace(chute(), attributes=attributes)
@@ -50,16 +31,6 @@ def test_bagnolds_stress(attributes: dict[str, float]) -> None:
     np.testing.assert_allclose(found.shear[k] / found.normal[k], TANGENT, rtol=1e-6)
     # A quadratic fit over five cells of a profile with the power 1.5.
     np.testing.assert_allclose(found.inertial_number[k], number_of(TANGENT), rtol=0.01)
-
-
-@pytest.mark.parametrize("quarters", [1, 2, 3])
-def test_gravity_along_any_axis(quarters: int) -> None:
-    flow = chute()
-    a, b = stress_of(flow), stress_of(turned(flow, quarters))
-    assert a.p.shape == b.p.shape
-    np.testing.assert_allclose(b.p, a.p, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(b.inertial_number, a.inertial_number, rtol=1e-6, atol=1e-9)
-    np.testing.assert_array_equal(b.used, a.used)
 
 
 def test_an_accelerated_layer_has_less_friction() -> None:

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from granpinn.config import Config, Network
-from granpinn.data import Flow, Surface, Walls
+from granpinn.data import Flow, Walls
 from granpinn.estimates.confined import NO_PRESSURE, NO_WORK_WORDS, undetermined
 from granpinn.identification.single import identify
 from granpinn.inspection import inspect
@@ -109,67 +108,3 @@ def test_grains_that_hang_between_walls() -> None:
     assert one.walls is not None
     half = Walls(one.walls.x[:2], one.walls.y[:2])
     assert baseline(replace(one, walls=half)).reason is None
-
-
-def test_a_sideways_silo() -> None:
-    """Gravity along -x: the walls are rows."""
-    flow = silo(6.0)
-    assert flow.walls is not None
-    assert flow.surface is not None
-    turned = replace(
-        flow,
-        x=np.sort(-flow.y), y=flow.x, u=np.rot90(-flow.v, -1, (1, 2)),
-        v=np.rot90(flow.u, -1, (1, 2)), c=np.rot90(flow.c, -1, (1, 2)),
-        gravity=(-flow.gravity[1], flow.gravity[0]),
-        surface=Surface(flow.surface.t, -flow.surface.y, flow.surface.x),
-        walls=Walls(-flow.walls.y, flow.walls.x),
-    )  # fmt: skip
-    found, plain = baseline(turned), baseline(flow)
-    assert found.carried
-    assert found.reason is not None
-    assert plain.reason is not None
-    assert "(-12, 12) to (1, 12)" in found.reason
-    share = [reason.split("about ")[1][:3] for reason in (found.reason, plain.reason)]
-    assert share[0] == share[1]
-
-
-def under_a_plate(load: float, tau: float, gap: float) -> Flow:
-    """Plane shear that solves all equations: mu(I(y)) = tau/p(y), p = load + h - y, d = 1.
-
-    Density and gravity are 1. The cells end a `gap` below the plate at the height h.
-    """
-    y, x = (np.arange(60) + 0.5) * 0.5, np.arange(12) + 0.5
-    height = 30.0 + gap
-    fine = np.linspace(0, 30, 6001)
-    p = load + height - fine
-    mu = tau / p
-    number = np.where(mu > 0.3, 0.3 * (mu - 0.3) / (0.7 - mu), 0.0)
-    rate = number * np.sqrt(p)
-    speed = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2)]) * (fine[1] - fine[0])
-    u = np.broadcast_to(np.interp(y, fine, speed)[:, None], (1, 60, 12))
-    walls = line((0, 0), (12, 0), (np.nan, np.nan), (0, height), (12, height))
-    p_wall, tau_wall = (single(*[np.nan] * 3, stress, stress) for stress in (load, tau))
-    return Flow(
-        t=np.zeros(1), y=y, x=x, u=u.copy(), v=np.zeros_like(u), c=np.ones(u.shape, np.float32),
-        gravity=(0.0, -1.0), density=1.0, grain_diameter=1.0,
-        walls=replace(walls, p=p_wall, tau=tau_wall), attributes={"period_x": 12.0},
-    )  # fmt: skip
-
-
-@pytest.mark.filterwarnings("ignore:.* vectors are exactly zero")  # below the yield depth
-@pytest.mark.parametrize(("side", "gap"), [(1, 0.0), (-1, 0.0), (1, 5.0)])
-def test_the_stress_of_a_plate_gives_the_friction(side: int, gap: float) -> None:
-    """mu_s 0.3, mu_2 0.7: the balance finds mu(I) to the error of the local fits."""
-    flow = under_a_plate(30.0, 16.0, gap)
-    flow = replace(flow, u=side * flow.u)
-    found = baseline(flow)
-    assert found.reason is None
-    assert len(found.points) >= 2
-    for point in found.points:
-        assert point.mu == pytest.approx(0.3 + 0.4 * point.I / (point.I + 0.3), rel=0.01)
-    sentences = inspect(flow).sentences
-    assert sentences[0].startswith("The velocity gives no friction coefficient: the flow has no")
-    result = identify(flow, TINY)
-    record = result.checks["momentum_balance"]
-    assert record.balance.points == found.points
-    assert record.differences == ()

@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from bench.studies.grains.coarse import SD, XY, YY, Fields
+from bench.studies.grains.coarse import SD, YY, Fields
 from bench.studies.grains.materials import I0, Material
 from bench.studies.grains.scenes.scene import Scene
 from bench.studies.grains.surface import KEPT, UNCERTAINTY
-from bench.studies.grains.walls import plate_of, walls_of
+from bench.studies.grains.walls import plate_height, walls_of
 from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow, Surface, Truth
 
@@ -52,7 +52,7 @@ def flow_of(
     }
     stated |= {} if surface is None else {"surface_sd": UNCERTAINTY}
     stated |= {"steady": 1} if scene.steady and not scene.filmed else {}
-    plate = plate_of(scene.attributes, fields.stress[..., YY], fields.stress[..., XY], fields.y)
+    plate = plate_height(scene.attributes, fields.stress[..., YY], fields.y)
     return Flow(
         t=fields.t,
         y=fields.y,

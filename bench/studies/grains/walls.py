@@ -20,14 +20,14 @@ STICKS, SLIPS = 0.0, 1.0
 
 
 def walls_of(
-    stated: Mapping[str, Any], x: Float64, y: Float64, plate: tuple[float, float] | None = None
+    stated: Mapping[str, Any], x: Float64, y: Float64, plate: float | None = None
 ) -> Walls | None:
     """The walls of a scene; None if its attributes name none.
 
     Args:
         stated: attributes of the scene.
         x, y: axes of its flow file.
-        plate: its height and drag (`plate_of`).
+        plate: its height (`plate_height`).
     """
     if "wall_radius" in stated:
         return _drum(float(stated["wall_radius"]), float(stated["wall_rotation"]))
@@ -49,39 +49,33 @@ def walls_of(
     return None
 
 
-def _under_plate(stated: Mapping[str, Any], plate: tuple[float, float] | None) -> Walls:
-    """The bed, and the plate with its load and its drag; without `plate` the bed alone."""
+def _under_plate(stated: Mapping[str, Any], plate: float | None) -> Walls:
+    """The bed, and the plate with its load; without `plate` the bed alone."""
     far, load, speed = (float(stated[k]) for k in ("period_x", "plate_load", "plate_speed"))
     bed = _lines((((0.0, 0.0), (far, 0.0)), STICKS))
     if plate is None:
         return bed
-    height, drag = plate
     nan = math.nan
     return Walls(
         x=np.array([0, far, nan, 0, far]),
-        y=np.array([0, 0, nan, height, height]),
+        y=np.array([0, 0, nan, plate, plate]),
         u=np.array([0, 0, nan, speed, speed]),
         v=np.array([0, 0, nan, 0, 0]),
         slip=np.array([STICKS, STICKS, nan, STICKS, STICKS], np.float32),
         p=np.array([nan, nan, nan, load, load], np.float32),
-        tau=np.array([nan, nan, nan, drag, drag], np.float32),
     )
 
 
-def plate_of(
-    stated: Mapping[str, Any], sigma_yy: Float64, sigma_xy: Float64, y: Float64
-) -> tuple[float, float] | None:
-    """Height and drag of the plate, from the stress [T, Y, X] of the grains; None without one.
+def plate_height(stated: Mapping[str, Any], sigma_yy: Float64, y: Float64) -> float | None:
+    """Height of the plate, where the stress [T, Y, X] of the grains reaches its load; None without.
 
-    An experiment reads both from its plate. Here the plate is where the stress reaches its load,
-    and its drag is the shear stress, which is the same at all heights.
+    An experiment reads it from its plate.
     """
     if "plate_load" not in stated:
         return None
     normal = np.nanmean(sigma_yy, axis=(0, 2))
     slope, start = np.polyfit(y, normal, 1)
-    height = (float(stated["plate_load"]) - start) / slope
-    return float(height), abs(float(np.nanmean(sigma_xy)))
+    return float((float(stated["plate_load"]) - start) / slope)
 
 
 def _drum(radius: float, rate: float) -> Walls:

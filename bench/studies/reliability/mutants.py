@@ -41,7 +41,7 @@ from granpinn.foreign import process
 MODULE = "bench.studies.reliability.mutants"
 SOURCE = Path(__file__).with_name("opens.c")
 SETTINGS = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg", "CUDA_VISIBLE_DEVICES": ""}
-LATE = ("h5netcdf", "xarray", "zarr", "pyvista", "lvpyio", "pandas", "tables", "PIL.Image")
+LATE = ("h5netcdf", "xarray", "zarr", "pyvista", "pandas", "tables", "PIL.Image")
 BLOCK = 25  # mutants of one target before the next target has its turn
 DRAWN = 40  # one mutant of so many has its figures drawn, which takes most of the time
 EMPTY_IMAGE = base64.b64decode(

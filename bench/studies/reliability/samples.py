@@ -9,7 +9,6 @@ import contextlib
 import tempfile
 from collections.abc import Callable, Iterator
 from fnmatch import fnmatch
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,9 +17,7 @@ import numpy as np
 from granpinn.commands import train
 from granpinn.data import Flow, write_flow
 from tests.flows import make_flow, scattered
-from tests.importers import scene
 from tests.importers.forms import FAMILIES
-from tests.importers.forms.physical import SETTINGS
 
 TRAINING = (
     *("--steps", "2", "--network.widths", "6", "--batch.interior", "8", "--batch.surface", "4"),
@@ -122,41 +119,21 @@ def run() -> Sample:
         return _sample({"report": ("run",)}, *files)
 
 
-def vc7() -> Sample:
-    """Buffers of DaVis, for which there is no form: LaVision's library writes them."""
-    import lvpyio
-
-    with _folder() as place:
-        for k in range(scene.FRAMES):
-            frame = np.zeros((scene.ROWS, scene.COLUMNS), dtype=lvpyio.vec2c)
-            frame["u"], frame["v"] = (part[k] for part in scene.velocity())
-            masked = np.ma.array(frame, mask=scene.codes()[k] == 0)
-            buffer = lvpyio.arrays_to_buffer([masked])
-            buffer[0].grid.x = buffer[0].grid.y = scene.X[1] - scene.X[0]
-            lvpyio.write_buffer(buffer, str(place / f"B{k}.vc7"))
-        return _sample(_convert(sorted(place.iterdir()), SETTINGS), "*")
-
-
 FORMATS: dict[str, Callable[[], Sample]] = {
     "flow": lambda: flow_file(SMALL),
     "particles": lambda: flow_file(scattered(SMALL)),
     "run": run,
     "pivlab": lambda: form("PIVlab text"),
     "openpiv": lambda: form("OpenPIV text"),
-    "insight": lambda: form("Insight", "*.txt"),
     "davis": lambda: form("DaVis text"),
     "basilisk": lambda: form("Basilisk"),
     "tracks": lambda: form("linked tracks"),
     "tracks-velocities": lambda: form("tracks with velocities"),
     "mat5": lambda: form("PIVlab MATLAB"),
-    "mat5-session": lambda: form("PIVlab MATLAB", layout="session"),
     "mat7.3": lambda: form("PIVlab MATLAB", version="7.3"),
-    "mat7.3-session": lambda: form("PIVlab MATLAB", version="7.3", layout="session"),
     "npz": lambda: form("arrays on a grid", holder="npz"),
     "mask": lambda: form("--mask", "*.png"),
     "surface": lambda: form("--surface", "*.csv"),
     "walls": lambda: form("--walls", "*.csv"),
     "times": lambda: form("--times", "*.txt"),
 }
-if find_spec("lvpyio") is not None:
-    FORMATS["vc7"] = vc7

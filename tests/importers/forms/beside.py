@@ -115,16 +115,13 @@ def walls(
     dialect: str,
 ) -> Given | None:
     truth, seen = physical.walls(), view(units, up)
-    stated = dict(zip("xyuvt", own.split(), strict=False))
-    shown = replace(seen, **{n: u for n, u in stated.items() if n != "t"})
+    stated = dict(zip("xyuv", own.split(), strict=False))
+    shown = replace(seen, **stated)
     x, y = physical.in_view(truth.x, truth.y, shown)
-    numbers = {"x": x, "y": y, "slip": truth.slip, "p": truth.p, "tau": truth.tau}
+    numbers = {"x": x, "y": y, "slip": truth.slip, "p": truth.p}
     sign = 1 if up else -1
     numbers["u"] = truth.u / scene.si(shown.u)
     numbers["v"] = sign * truth.v / scene.si(shown.v)
-    numbers["t"] = truth.t / scene.SI[stated.get("t", time)]
-    if stated.get("t", time) == "frame":
-        numbers["t"] = numbers["t"] - 0.5  # the first field is half a frame later
     kept = columns.split()
     if len(order) > len(kept):
         return None
@@ -132,7 +129,7 @@ def walls(
     made = []
     for name in kept:
         unit, values = stated.get(name, ""), numbers[name]
-        if name in ("p", "tau") and pressure:
+        if name == "p" and pressure:
             unit, values = pressure, values / (1e3 if pressure == "kPa" else 1.0)
         cells = [gap if np.isnan(v) else f"{v:.10g}" for v in values]
         made.append((titled(name, unit, "[]"), cells))
@@ -226,10 +223,9 @@ FAMILIES = {
         {
             "units": plain(METERS, PIXELS),
             "time": plain("s", "frame"),
-            "own": plain("", "m m m/s m/s s", "mm mm mm/s mm/s ms", "mm px m/s mm/s s")
-            | odd("m m m/s m/s frame"),
+            "own": plain("", "m m m/s m/s", "mm mm mm/s mm/s", "mm px m/s mm/s"),
             "up": plain(True, False),
-            "columns": plain("x y t u v slip p tau", "x y", "x y t", "x y slip"),
+            "columns": plain("x y u v slip p", "x y", "x y slip"),
             "gap": plain("nan", "", "NaN"),
             "pressure": plain("", "Pa", "kPa"),
             "order": plain("", "10", "3210"),

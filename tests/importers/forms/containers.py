@@ -16,7 +16,7 @@ from tests.importers.forms import physical
 from tests.importers.forms.form import FLOAT32, FLOAT64, INT16, Family, Given, odd, plain
 from tests.importers.forms.memory import stored
 from tests.importers.forms.texts import METERS, PIXELS, given, view
-from tests.importers.test_pivlab_mat import all_frames, one_frame, session, version_5, version_73
+from tests.importers.test_pivlab_mat import all_frames, one_frame, version_5, version_73
 from tests.importers.test_simulation_files import dataset
 
 ROUNDINGS = {"f8": FLOAT64, ">f8": FLOAT64, "f4": FLOAT32, ">f4": FLOAT32, "i2": 4 * INT16}
@@ -45,14 +45,14 @@ def matlab(
     store: str,
 ) -> Given | None:
     seen = view(units, up)
-    if (not types and gone != "nan") or (layout == "session" and (up or seen.x != "px")):
+    if not types and gone != "nan":
         return None
     options = {"view": seen, "types": types, "gone": float(gone)}
     write: Callable[..., Path] = {"5": version_5, "5 packed": version_5, "7.3": version_73}[version]
     packed = {"do_compression": True} if "packed" in version else {}
     frames = range(scene.FRAMES) if layout == "one frame" else range(1)
     for k in frames:
-        made = {"session": session, "all frames": all_frames}.get(layout, partial(one_frame, k))
+        made = all_frames if layout == "all frames" else partial(one_frame, k)
         content = {name: in_type(value, store) for name, value in made(**options).items()}
         if seen.u == "m/frame":
             content["units"] = "[m] respectively [m/frame]"
@@ -122,7 +122,7 @@ FAMILIES = {
     "PIVlab MATLAB": Family(
         matlab,
         {
-            "layout": plain("all frames", "one frame", "session"),
+            "layout": plain("all frames", "one frame"),
             "version": plain("5", "5 packed", "7.3"),
             "units": plain(PIXELS, METERS, "m m m/frame m/frame"),
             "up": plain(False, True),

@@ -96,12 +96,10 @@ def walls() -> Walls:
     return Walls(
         x=np.array([0.001, 0.03, nan, 0.002, 0.003]),
         y=np.array([0.002, 0.001, nan, 0.001, 0.02]),
-        t=np.array([0.003, 0.003, nan, 0.005, 0.005]),
         u=np.array([0.0, 0.0, nan, 0.01, 0.02]),
         v=np.array([0.0, 0.0, nan, 0.25, 0.5]),
         slip=np.array([0, 0, nan, 1, 1], np.float32),
         p=np.array([nan, nan, nan, 20, 25], np.float32),
-        tau=np.array([nan, nan, nan, 5, 6], np.float32),
     )
 
 

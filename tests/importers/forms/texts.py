@@ -1,4 +1,4 @@
-"""Text of PIVlab, OpenPIV, Insight, DaVis and Basilisk."""
+"""Text of PIVlab, OpenPIV, DaVis and Basilisk."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from granpinn.importers import read
 from tests.importers import scene
 from tests.importers.forms import physical
 from tests.importers.forms.form import TEXT, Axis, Family, Given, odd, plain
-from tests.importers.test_other_piv import davis, insight, openpiv
+from tests.importers.test_other_piv import davis, openpiv
 from tests.importers.test_pivlab_text import export
 from tests.importers.test_simulation_files import basilisk
 
@@ -93,13 +93,6 @@ def line_file(path: Path, seen: scene.View) -> str:
     return str(path)
 
 
-def insight_text(folder: Path, units: str, up: bool, **more: Any) -> Given:
-    seen = view(units, up)
-    files = series(folder, insight, view=seen, **more)
-    surface = line_file(folder / "line.csv", view(METERS, True) if up else seen)
-    return given(files, physical.flow(line=True), {"surface": surface})
-
-
 def davis_text(folder: Path, units: str, up: bool, **more: Any) -> Given | None:
     seen = view(units, up)
     if not up and "frame" not in seen.u:  # in physical units y points up
@@ -107,16 +100,12 @@ def davis_text(folder: Path, units: str, up: bool, **more: Any) -> Given | None:
     return given(series(folder, davis, view=seen, **more), physical.flow(), {})
 
 
-def basilisk_text(
-    folder: Path, units: str, fields: str, names: str, whole: float, **more: Any
-) -> Given:
+def basilisk_text(folder: Path, units: str, fields: str, whole: float, **more: Any) -> Given:
     options = {"view": scene.View(*METERS.split(), up=True), "fields": fields, "whole": whole}
     files = series(folder, basilisk, **options, **more)
     for path, t in zip(files, physical.T, strict=True):
         path.rename(folder / f"out-{t:.3f}.txt")
-    settings: dict[str, Any] = {"times": "name"} | (
-        {"columns": names, "format": "basilisk"} if names else {}
-    )
+    settings: dict[str, Any] = {"times": "name"}
     flow = physical.flow(gaps=False, fraction=True)
     if units != "none":
         length, velocity = units.split()
@@ -151,15 +140,6 @@ FAMILIES = {
             "dialect": styles("tab", "blank"),
         },
     ),
-    "Insight": Family(
-        insight_text,
-        {
-            "units": plain("mm mm px/frame px/frame", METERS, PIXELS, "mm mm mm/s mm/s") | MIXED,
-            "up": plain(True, False),
-            "order": plain("", "10", "0132", "4"),
-            "dialect": styles("comma blank", ","),
-        },
-    ),
     "DaVis text": Family(
         davis_text,
         {
@@ -174,7 +154,6 @@ FAMILIES = {
         {
             "units": plain("m m/s", "none"),
             "fields": plain("f p u.x u.y", "u.x u.y f", "p c u.y u.x", "q u.x f u.y"),
-            "names": plain("") | odd("c=p", "c=f,u=u.x"),
             "whole": plain(1.0) | odd(100.0, 255.0),
             "outside": plain("inf", "1e+30", "nan"),
             "rows_first": plain(False, True),

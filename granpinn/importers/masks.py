@@ -1,7 +1,4 @@
-"""The volume fraction c of every cell, from the files and settings.
-
-Its source is a fraction field, else a mask of files or images, else the cells with vectors.
-"""
+"""Masks that are images: black where there are no grains."""
 
 from __future__ import annotations
 
@@ -11,32 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float64
-from granpinn.data.flow import Surface
-from granpinn.importers.gaps import grains_around
+from granpinn.arrays import Bool
 from granpinn.importers.limits import open_file, require_room
 from granpinn.importers.series import expand
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
-FULL = 1e-6  # solvers fill cells up to rounding
 _BRIGHT = 0.5
 _IMAGES = ("PNG", "TIFF", "BMP", "JPEG", "GIF", "PPM", "WEBP")
 _MAX_IMAGE = 2**30  # bytes
 _MAX_PIXELS = 2**27
-
-
-def grains_of(fields: VectorFields) -> tuple[Float64, str]:
-    """Volume fraction [T, Y, X] of vectors on a grid, and where it comes from."""
-    if fields.c is not None:
-        c = np.clip(np.nan_to_num(fields.c), 0.0, 1.0)  # NaN: no grains; beyond 0 and 1: rounding
-        c[c > 1 - FULL] = 1.0
-        c[fields.validity == Validity.MASKED] = 0.0
-        return c, "fraction"
-    masked = fields.validity == Validity.MASKED
-    if masked.any():
-        return (~masked).astype(np.float64), "mask"
-    c = np.stack([grains_around(frame) for frame in fields.usable]).astype(np.float64)
-    return c, "vectors"
 
 
 def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> VectorFields:
@@ -106,15 +86,3 @@ def _at_vectors(file: Path, picture: Any, fields: VectorFields) -> Bool:
     rows, columns = found
     bright = picture > _BRIGHT * picture.max()
     return np.asarray(bright[np.ix_(rows, columns)])
-
-
-def below_line(fields: VectorFields, line: Surface) -> Bool:
-    """Cells [T, Y, X] below a line of points; each frame has the points nearest in time."""
-    inside = np.zeros(fields.u.shape, bool)
-    times = np.unique(line.t)
-    for k, now in enumerate(fields.t):
-        near = np.flatnonzero(line.t == times[np.argmin(np.abs(times - now))])
-        near = near[np.argsort(line.x[near], kind="stable")]
-        height = np.interp(fields.x, line.x[near], line.y[near], -np.inf, -np.inf)
-        inside[k] = fields.y[:, None] <= height
-    return inside

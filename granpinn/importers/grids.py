@@ -1,0 +1,298 @@
+"""Text of PIV and simulation programs, one file per frame: rows of vectors that form a grid.
+
+A program differs from others by its header and by how it marks vectors. Rows are placed by their
+coordinates, in any order.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granpinn.arrays import Float64, Int8
+from granpinn.importers.columns import (
+    Column,
+    TextTable,
+    header,
+    lines_of,
+    read_table,
+    require_finite,
+    text_lines,
+    units_of,
+)
+from granpinn.importers.units import whole
+from granpinn.importers.vectors import (
+    GAPS,
+    DataFileError,
+    Validity,
+    VectorFields,
+    split_gaps,
+    vector_fields,
+)
+
+# Coordinates that differ by less than this part of the spacing belong to one column.
+SAME = 0.01
+# The fact of files whose rows are in no order that shows the direction of y.
+ROWS, MIXED = "rows", "mixed"
+_VECTORS = {name: (name,) for name in "xyuv"}
+
+
+# PIVlab: the "ASCII chart".
+#
+#     PIVlab, ASCII chart output - 01-Jan-2026                                     (optional)
+#     FRAME: 3, filenames: a.tif & b.tif, conversion factor xy (px -> m): 1, ...   (optional)
+#     x [px],y [px],u [px/frame],v [px/frame],Vector type [-]
+#
+# Separated by commas, tabs or blanks; y runs first, from the top of the image. Masked vectors are
+# NaN. Without types (older versions), interpolated vectors look like measured ones. The Tecplot
+# export is refused: its header mixes up m/s and m/frame for calibrated data.
+PIVLAB = ("PIVlab", "FRAME:")
+# 3: measured by the second correlation peak.
+PIVLAB_TYPES = {
+    0: Validity.MASKED,
+    1: Validity.VALID,
+    2: Validity.INTERPOLATED,
+    3: Validity.VALID,
+}
+_FRAME = re.compile(r"FRAME:\s*+(\d++)")
+_FACTOR = re.compile(r"conversion factor (xy|uv) \((?:px -> m|px/frame -> m/s)\):\s*+([-+.\deE]++)")
+_NUMBER_FIRST = re.compile(r"\s*+[-+]?(?:\d|\.\d|nan|inf)", re.IGNORECASE)
+
+
+def is_pivlab(path: Path, head: bytes) -> bool:
+    """Whether the file begins like a PIVlab export."""
+    first = lines_of(head)[0].lstrip("# ")
+    named = {column.name: column.unit for column in header(first)}
+    return first.startswith(PIVLAB) or ({*"xyuv"} <= named.keys() and named["x"] in ("px", "m"))
+
+
+def read_pivlab(path: Path) -> VectorFields:
+    """One frame of PIVlab."""
+    lines = text_lines(path)
+    start = next((i for i, line in enumerate(lines) if _NUMBER_FIRST.match(line)), len(lines))
+    above = [line.lstrip("# ") for line in lines[:start] if line.strip()]
+    head = "\n".join(above)
+    names = [line for line in above if not line.startswith(PIVLAB)]
+    if len(names) != 1:
+        found = f"{names[1][:40]!r} as another" if names else "none"
+        raise DataFileError(
+            f"{path} must have one line with the names of its columns, got {found}: export the "
+            "vectors again, as an ASCII chart with column headers"
+        )
+    roles = _VECTORS | {"type": ("vector type",)}
+    table = read_table(path, roles, header(names[0]), "xyuv", start)
+    types = table.columns.pop("type", None)
+    frame = _FRAME.search(head)
+    return grid_frame(
+        path,
+        table,
+        None if types is None else codes_of(path, "vector types", types, PIVLAB_TYPES),
+        t=whole(frame[1], f"{path}: FRAME") - 1 if frame else 0,
+        facts={f"cal{kind}": factor for kind, factor in _FACTOR.findall(head)},
+    )
+
+
+# OpenPIV: `openpiv.tools.save` since version 0.25. Masked vectors are written as 0.0, so only the
+# two last columns matter. The files do not state their units, which are pixels per unit of `dt` or
+# the result of `scaling.uniform`. Rows run from the top of the image.
+_OPENPIV = {name: (name,) for name in ("x", "y", "u", "v", "flags", "mask")}
+_MASK = {0: Validity.VALID, 1: Validity.MASKED}
+_FLAGS = {0: Validity.VALID, 1: Validity.INVALID, 2: Validity.INTERPOLATED}
+
+
+def is_openpiv(path: Path, head: bytes) -> bool:
+    """The names of the columns behind a #."""
+    first = lines_of(head)[0]
+    return first.startswith("#") and {column.name for column in header(first)} == {*_OPENPIV}
+
+
+def read_openpiv(path: Path) -> VectorFields:
+    """One frame of OpenPIV."""
+    table = read_table(path, _OPENPIV, header(text_lines(path)[0]), _OPENPIV)
+    codes = codes_of(path, "flags", table.columns.pop("flags"), _FLAGS)
+    outside = codes_of(path, "mask", table.columns.pop("mask"), _MASK) == Validity.MASKED
+    return grid_frame(path, table, np.where(outside, np.int8(Validity.MASKED), codes))
+
+
+# DaVis 8: `#DaVis 8.1.6 2D-vector 32 64 64 "position" "mm" "position" "mm" "velocity" "m/s"`, then
+# x, y, u, v separated by tabs, often with decimal commas. An exact (0, 0) means "no vector".
+_DAVIS = re.compile(r"#\s*+DaVis\s++\S++\s++2D-vector\s++\d++\s++(\d++)\s++(\d++)\s*+(.*+)")
+
+
+def is_davis(path: Path, head: bytes) -> bool:
+    """Whether the first line names DaVis."""
+    return lines_of(head)[0].lstrip("# ").startswith("DaVis")
+
+
+def read_davis(path: Path) -> VectorFields:
+    """One frame of the text export of DaVis."""
+    first = text_lines(path)[0]
+    head = _DAVIS.match(first)
+    if head is None:
+        raise DataFileError(
+            f"{path} must begin with '#DaVis ... 2D-vector', got {first[:40]!r}: export the "
+            "vectors from DaVis as text"
+        )
+    quoted = head[3].split('"')[1::2]
+    stated = [*zip(quoted[::2], quoted[1::2], strict=False)]
+    lengths = [unit for name, unit in stated if name == "position"]
+    velocities = [unit for name, unit in stated if name in ("velocity", "displacement")]
+    pixels = any(unit in ("pixel", "px") for unit in velocities)
+    velocities = ["px/frame" if unit in ("pixel", "px") else unit for unit in velocities]
+    named = [*map(Column, "xyuv", (*_both(path, lengths), *_both(path, velocities)))]
+    table = read_table(path, _VECTORS, named, "xyuv")
+    expected = whole(head[1], f"{path}: columns") * whole(head[2], f"{path}: rows")
+    if (count := table.columns["x"].size) != expected:
+        raise DataFileError(
+            f"{path} must hold {expected} vectors as its header says, got {count}: the file was "
+            "cut off; export it again"
+        )
+    none = (table.columns["u"] == 0) & (table.columns["v"] == 0)
+    for name in "uv":
+        table.columns[name] = np.where(none, np.nan, table.columns[name])
+    # Of displacements in pixels, the order of the rows shows the direction of y.
+    return grid_frame(path, table, y_down=None if pixels else False)
+
+
+def _both(path: Path, stated: list[str]) -> tuple[str, str]:
+    """The units of two components; one unit holds for both."""
+    if len(stated) > 2:
+        raise DataFileError(f"{path} must state two units of a kind at most, got {len(stated)}")
+    return (stated[0], stated[-1]) if stated else ("", "")
+
+
+# Basilisk: `output_field` with a header `# 1:x 2:y 3:f 4:p 5:u.x 6:u.y`. Values outside the domain
+# are `nodata`, a huge number that prints as inf. The file holds no time, which --times gives. The
+# numbers have the units of the simulation, mostly none.
+_NUMBERED = re.compile(r"(?<!\S)\d++:(\S++)")
+_BASILISK = {"x": ("x",), "y": ("y",), "u": ("u.x",), "v": ("u.y",), "c": ("f", "c"), "p": ("p",)}
+_NODATA = 1e29  # that of single-precision builds is 1e30
+
+
+def is_basilisk(path: Path, head: bytes) -> bool:
+    """The numbered columns of output_field."""
+    first = lines_of(head)[0]
+    return first.startswith("#") and _NUMBERED.findall(first)[:2] == ["x", "y"]
+
+
+def read_basilisk(path: Path) -> VectorFields:
+    """One frame of Basilisk."""
+    first = text_lines(path)[0]
+    named = [Column(name) for name in _NUMBERED.findall(first)]
+    table = read_table(path, _BASILISK, named, "xyuv")
+    parts = table.columns
+    there = (np.abs(parts["u"]) < _NODATA) & (np.abs(parts["v"]) < _NODATA)
+    if "c" in parts:
+        parts["c"] = np.where(there, np.nan_to_num(parts["c"], posinf=0.0), 0.0)
+    if "p" in parts:
+        parts["p"] = np.where(there & np.isfinite(parts["p"]), parts["p"], np.nan)
+    codes = np.where(there, np.int8(Validity.VALID), np.int8(Validity.MASKED))
+    return grid_frame(path, table, codes, y_down=False)
+
+
+def codes_of(path: Path, what: str, values: Float64, known: Mapping[int, Validity]) -> Int8:
+    """Validity of every row by the codes of a program; `what` are these, for the message."""
+    codes = np.full(values.shape, -1, np.int8)
+    for value, validity in known.items():
+        codes[values == value] = validity
+    if (codes < 0).any():
+        raise DataFileError(
+            f"{path} must have the {what} {', '.join(map(str, known))}, got "
+            f"{values[codes < 0][0]:g}: check that the columns are those of its header"
+        )
+    return codes
+
+
+def grid_frame(
+    path: Path,
+    table: TextTable,
+    validity: Any = None,
+    *,
+    t: float = 0,
+    y_down: bool | None = None,
+    facts: Mapping[str, str] | None = None,
+) -> VectorFields:
+    """One frame of a file of rows.
+
+    Args:
+        table: x, y, u, v and perhaps c and p [n].
+        validity: of every row; None: the gaps in u and v show it.
+        t: number of the frame.
+        y_down: None: the order of the rows shows it.
+        facts: for the record.
+    """
+    columns = dict(table.columns)
+    if validity is not None:
+        columns["validity"] = np.asarray(validity, np.int8)
+    grids, found = _to_grid(path, columns), dict(facts or {})
+    if validity is None:
+        grids["validity"] = split_gaps(np.isfinite(grids["u"]) & np.isfinite(grids["v"]))
+        found["mask"] = GAPS
+    if y_down is None and (y_down := _y_points_down(columns)) is None:
+        found[ROWS] = MIXED
+    units = units_of(path, table.units) | {"time_unit": "frame"}
+    return vector_fields(t=[t], **grids, **units, y_down=y_down, facts=found)
+
+
+def _to_grid(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:
+    """Axes, and arrays [1, Y, X] of one frame, from lists [n]."""
+    axes, places = {}, {}
+    for name in ("x", "y"):
+        require_finite(path, {name: columns[name]})
+        axes[name], places[name] = _axis(columns[name])
+    shape = (axes["y"].size, axes["x"].size)
+    place = np.ravel_multi_index((places["y"], places["x"]), shape)
+    n_rows, n_places = place.size, np.unique(place).size
+    if n_places < n_rows:
+        raise DataFileError(
+            f"{path} must have one vector at every point, got {n_rows - n_places} points twice: "
+            "it mixes grids or frames"
+        )
+    if min(shape) < 2 or n_places < shape[0] * shape[1]:
+        raise DataFileError(
+            f"{path} must hold a full grid of vectors, got {n_rows} rows for {shape[0]} x "
+            f"{shape[1]} different y and x: the file was cut off or mixes grids; if these are "
+            "scattered vectors use --format tracks"
+        )
+    order = np.argsort(place)
+    grids = {n: a[order].reshape(1, *shape) for n, a in columns.items() if n not in axes}
+    return axes | grids
+
+
+def _axis(values: Float64) -> tuple[Float64, Any]:
+    """The different values, ascending, and the index of each; equal up to rounding in text."""
+    order = np.argsort(values, kind="stable")
+    ascending = values[order]
+    steps = np.diff(ascending)
+    large = steps[steps > 0.1 * steps.max(initial=0.0)]
+    limit = SAME * float(np.median(large)) if large.size else 0.0
+    group = np.concatenate([[0], np.cumsum(steps > limit)])
+    axis = np.bincount(group, weights=ascending) / np.bincount(group)
+    index = np.empty(values.size, np.intp)
+    index[order] = group
+    return axis, index
+
+
+def _y_points_down(columns: Mapping[str, Any]) -> bool | None:
+    """Whether y grows along a file that begins at the top of the image.
+
+    The order of the rows shows it if x grows along the file and y runs the same way in every
+    column. None: rows in another order, such as sorted ones, do not show it.
+
+    Args:
+        columns: x and y of a full grid [n], in the order of the file.
+    """
+    (x, column), (y, row) = _axis(columns["x"]), _axis(columns["y"])
+    by_rows = row.reshape(y.size, x.size), column.reshape(y.size, x.size)
+    by_columns = row.reshape(x.size, y.size).T, column.reshape(x.size, y.size).T
+    for rows, places in (by_rows, by_columns):
+        step = int(rows[1, 0]) - int(rows[0, 0])
+        if step not in (1, -1) or (places != np.arange(x.size)).any():
+            continue
+        if (rows == np.arange(y.size)[::step, None]).all():
+            return step > 0
+    return None
