@@ -92,12 +92,12 @@ def errors_of(result: Result) -> tuple[Float64, Pair]:
     Raises:
         CannotGoOn: the run has no error bars, or its I0 was identified.
     """
-    law, shear, bars = result.covariance, result.determined, result.error_bars
-    if law is None or shear is None or shear.I_range is None or bars is None:
+    law, I_range, bars = result.covariance, result.law.I_range, result.error_bars
+    if law is None or I_range is None or bars is None:
         raise CannotGoOn(f"the run has no error bars: {result.law.reason or 'none were estimated'}")
     if law.names != ("mu_s", "mu_2"):
         raise CannotGoOn("I0 was identified with the law: take its own interval")
-    return np.array(law.matrix) * (bars.half_width / NORMAL_90) ** 2, shear.I_range
+    return np.array(law.matrix) * (bars.half_width / NORMAL_90) ** 2, I_range
 
 
 def unknown_I0(result: Result, points: LawPoints | None = None) -> UnknownI0:

@@ -28,7 +28,7 @@ from granpinn.results import (
     write_results,
 )
 from granpinn.results.dataset import fields_dataset
-from granpinn.training.history import History, Row, read_history
+from granpinn.training.history import History, read_history, row_of
 
 if TYPE_CHECKING:
     from granpinn.figures.plots import Plots
@@ -136,7 +136,7 @@ class Identification(Result):
         write_network(network, path / FILE)
         write_fields(fields, path / "fields.h5")
         table = History(path / "history.csv", self.friction_law)
-        table.begin(Row.of(self.friction_law, row) for row in zip(*history.values(), strict=True))
+        table.begin(row_of(self.friction_law, row) for row in zip(*history.values(), strict=True))
         table.flush()
         table.close()
         write_csv(self, path / "results.csv")

@@ -118,7 +118,7 @@ def one_law(results: Sequence[Result]) -> Identification:
         truth=truth,
         error_percent=ErrorPercent(errors),
         residuals=None,
-        determined=None,
+        no_law=None,
         law=IdentifiedLaw(first.law.name, reason=law.reason),
         assumptions=tuple(
             _of_all(a, r, law, f) for f, r in enumerate(results) for a in r.assumptions
@@ -129,9 +129,7 @@ def one_law(results: Sequence[Result]) -> Identification:
     )
     ranges = [r.law.I_range for r in results if r.law.I_range is not None]
     low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
-    if any(r.determined for r in results):
-        found = determined_over(result, (low, high), ranges)
-        result = result if found is None else applied(result, found)
+    result = applied(result, determined_over(result, (low, high), ranges))
     return Identification.of(over(result, (low, high)))
 
 

@@ -87,9 +87,7 @@ def diverged(r: Result) -> str | None:
 
 
 def undetermined(r: Result) -> str | None:
-    if r.determined is None or r.determined.reason is None:
-        return None
-    return f"No friction coefficient is determined: {r.determined.reason}."
+    return f"No friction coefficient is determined: {r.no_law}." if r.no_law else None
 
 
 def slips(grade: str) -> Callable[[Result], str | None]:
@@ -217,11 +215,10 @@ def _widest(r: Result) -> Width | None:
     for name, p in r.parameters.items():
         if p.interval_90 is not None:
             half = half_width(p.interval_90)
-            found.append(Width(half, f"{name} is known to {_words(half)}: {p.words} (90 %)"))
-    if r.determined is not None and r.determined.raw_interval_90 is not None:
-        for name in r.determined.wide:
-            half = half_width(r.determined.raw_interval_90[name])
-            found.append(Width(half, f"{name} is {NOT_DETERMINED}: {r.determined.why(name)}"))
+            if p.determined:
+                found.append(Width(half, f"{name} is known to {_words(half)}: {p.words} (90 %)"))
+            elif p.undetermined == spans(half):
+                found.append(Width(half, f"{name} is {NOT_DETERMINED}: {p.undetermined}"))
     return max(found, key=lambda width: width.half, default=None)
 
 

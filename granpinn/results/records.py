@@ -56,13 +56,6 @@ class Members:
     shown: int = 0
     diverged: int = 0
 
-    def __post_init__(self) -> None:
-        lengths = {len(self.seed), *map(len, self.values.values())}
-        if lengths != {len(self.seed)} or not self.seed:
-            raise ValueError(f"members must have one value each, got {sorted(lengths)}")
-        if not 0 <= self.shown < len(self.seed):
-            raise ValueError(f"shown must be one of {len(self.seed)} members, got {self.shown}")
-
 
 @dataclass(frozen=True)
 class ErrorBars:

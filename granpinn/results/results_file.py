@@ -93,7 +93,7 @@ def row(result: Result) -> dict[str, Cell]:
         "reason": next(iter(result.assessment.reasons), None),
     }
     for name, parameter in result.parameters.items():
-        low, high = parameter.interval_90 or (None, None)
+        low, high = (parameter.determined and parameter.interval_90) or (None, None)
         cells |= {
             name: parameter.value if parameter.determined else NOT_DETERMINED,
             f"{name}_std": parameter.std,

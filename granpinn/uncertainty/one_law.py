@@ -74,11 +74,10 @@ def known_of(result: Result) -> Known:
         CannotGoOn: it does not know its accuracy.
     """
     bars, residuals, I_range = result.error_bars, result.residuals, result.law.I_range
-    lost = result.determined.reason if result.determined else None
-    if residuals is None or I_range is None or lost or result.law.name != DEFAULT.name:
+    if residuals is None or I_range is None or result.no_law or result.law.name != DEFAULT.name:
         raise CannotGoOn(
-            f"{result.input.name} does not determine mu(I): {lost or result.law.reason}; leave it "
-            "out"
+            f"{result.input.name} does not determine mu(I): {result.no_law or result.law.reason}; "
+            "leave it out"
         )
     mu_s, mu_2, I0 = result.theta
     return known_by(

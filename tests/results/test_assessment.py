@@ -24,6 +24,7 @@ from granpinn.results import (
 )
 from granpinn.results.assessment import CONDITIONS, GRADES, Assessment
 from granpinn.results.identified_law import Curve
+from granpinn.results.parameters import half_width, spans
 from granpinn.results.record import Reason
 from granpinn.results.result import FlowOfLaw
 from tests.examples import BASELINE, make_result
@@ -59,16 +60,17 @@ LARGE_MU_2 = Parameters(
 )
 
 
-assert EXAMPLE.determined is not None
-
-
 LOST_MU_2 = {
-    "parameters": Parameters(dict(ITEMS) | {"mu_2": Parameter(0.7, False, determined=False)}),
-    "determined": replace(
-        EXAMPLE.determined,
-        lost=("mu_2",),
-        wide=("mu_2",),
-        raw_interval_90={"mu_2": (0.11, 4.95)},
+    "parameters": Parameters(
+        dict(ITEMS)
+        | {
+            "mu_2": Parameter(
+                0.7,
+                fixed=False,
+                interval_90=(0.11, 4.95),
+                undetermined=spans(half_width((0.11, 4.95))),
+            )
+        }
     ),
 }
 
@@ -111,7 +113,7 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
     "as it is": ({}, "good", "mu(I) is known to +- 6.1 %: 0.420 (0.400 to 0.440) at I = 0.01"),
     "diverged": ({"stopped": "diverged", "failure": "a NaN"}, "do not use", "diverged: a NaN."),
     "undetermined": (
-        {"determined": replace(EXAMPLE.determined, reason="walls drive it")},  # type: ignore[type-var]
+        {"no_law": "walls drive it"},
         "do not use",
         "No friction coefficient is determined: walls drive it.",
     ),

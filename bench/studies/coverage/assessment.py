@@ -72,7 +72,7 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
     assert not isinstance(found, str)  # the default recipe has error bars
     result = Result(
         parameters=Parameters(**found.parameters, I0=Parameter(n["I0"], True)),
-        level=cells["level"],
+        level=config.level,
         form=config.form,
         recipe=config.recipe,
         seed=0,
@@ -90,8 +90,7 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
     if cells["carried"] == "True":
         result = momentum_balance.without_error_bars(result)
     number = np.repeat(I_range, 10)
-    if (range_ := determined(result, number)) is not None:
-        result = applied(result, range_)
+    result = applied(result, determined(result, number))
     result = with_curve(result, number)
     points = tuple(momentum_balance.difference(p, result) for p in _points(cells["balance"]))
     balance = Baseline("walls carry the grains", carried=cells["carried"] == "True")
