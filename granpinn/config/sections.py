@@ -165,9 +165,6 @@ class Optimizer:
     prefit: float = setting(
         0.15, "part of the run, at its start, that fits the velocity alone", low=0, high=0.99
     )
-    prefit_final_fraction: float = setting(
-        0.1, "the same as final_fraction for the pre-fit", low=0, high=1
-    )
     beta_2: float = setting(0.99, "decay of the second moment of adam", low=0, high=NEARLY_1)
     epsilon: float = setting(1e-8, "epsilon of adam", positive=True, high=1)
     momentum: float = setting(0.95, "momentum of Muon", low=0, high=NEARLY_1)

@@ -12,7 +12,7 @@ from granpinn.fit import ensemble, prediction
 from granpinn.fit.case import Case, Model
 from granpinn.fit.free_curve import with_free_band
 from granpinn.fit.prediction import Shear, shear_of, with_curve
-from granpinn.results import Fields, Result, write_csv, write_fields, write_results
+from granpinn.results import Fields, Result, write_fields, write_results
 from granpinn.results.attempt import NotDone, attempt
 from granpinn.results.record import Check, Record
 from granpinn.training.loop import TrainingLoop
@@ -55,7 +55,6 @@ class Context:
         self.result = result
         if self.folder is not None:
             write_results(result, self.folder / "results.json")
-            write_csv(result, self.folder / "results.csv")
         if self.shown is not None:
             self.shown(result)
 

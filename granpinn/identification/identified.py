@@ -23,7 +23,6 @@ from granpinn.results import (
     Result,
     read_fields,
     read_results,
-    write_csv,
     write_fields,
     write_results,
 )
@@ -139,7 +138,6 @@ class Identification(Result):
         table.begin(row_of(self.friction_law, row) for row in zip(*history.values(), strict=True))
         table.flush()
         table.close()
-        write_csv(self, path / "results.csv")
         write_results(self, path / "results.json")
         return path
 

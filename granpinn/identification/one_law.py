@@ -26,7 +26,6 @@ from granpinn.results import (
     Parameter,
     Parameters,
     Result,
-    write_csv,
     write_results,
 )
 from granpinn.results.identified_law import IdentifiedLaw
@@ -67,7 +66,6 @@ def identify_one_law(
         found = one_law(each)
         if folder is not None:
             write_results(found, folder / "results.json")
-            write_csv(found, folder / "results.csv")
         if on_values is not None:
             on_values(found)
         return Identification.of(found, folder, each=tuple(each))

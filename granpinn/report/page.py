@@ -28,7 +28,6 @@ from granpinn.results import (
     number,
     read_fields,
     read_results,
-    write_csv,
 )
 from granpinn.results.assessment import reach_of
 from granpinn.results.result import in_words, percent, true_friction
@@ -57,7 +56,6 @@ def build(run_dir: str | Path, time: float | None = None) -> Path:
     figures = folder / "figures"
     source, problems = read(folder, time)
     pictures, missing = album.draw_all(source, figures)
-    write_csv(source.result, folder / "results.csv")
     page = folder / "report.html"
     write_text(page, render(source.result, pictures, missing, problems))
     return page

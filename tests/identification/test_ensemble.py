@@ -81,7 +81,7 @@ def test_the_folder_of_a_member_is_that_of_a_run(flow: Flow, tmp_path: Path) -> 
     }
     for e, result in enumerate(found):
         folder = tmp_path / f"{e:03d}"
-        names = {"results.json", "results.csv", "fields.h5", "history.csv", "config.toml"}
+        names = {"results.json", "fields.h5", "history.csv", "config.toml"}
         names |= {"network.safetensors"}
         assert {p.name for p in folder.iterdir()} == names
         assert results.read_results(folder / "results.json").parameters == result.parameters

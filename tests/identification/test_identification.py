@@ -44,7 +44,7 @@ def test_the_run_folder_holds_the_result(flow_file: Path, tmp_path: Path) -> Non
     folder = tmp_path / "run"
     config = tiny(seed=2)
     result = identify(flow_file, config, run_dir=folder)
-    names = {"results.json", "results.csv", "fields.h5", "network.safetensors"}
+    names = {"results.json", "fields.h5", "network.safetensors"}
     names |= {"history.csv", "config.toml", "checkpoint", ".lock"}
     assert {path.name for path in folder.iterdir()} == names
     assert results.read_results(folder / "results.json").parameters == result.parameters

@@ -11,7 +11,6 @@ from granpinn.results import (
     Covariance,
     IdentifiedLaw,
     read_results,
-    results_file,
     write_results,
 )
 from granpinn.results.records import ErrorBars
@@ -128,13 +127,3 @@ def test_the_record_in_the_files(tmp_path: object) -> None:
     content = result.to_dict()["law"]
     assert list(content)[:3] == ["name", "I_range", "curve"]
     assert list(content["curve"]) == ["I", "mu", "low", "high"]
-    row, curve = results_file.row(result), result.law.curve
-    assert curve is not None
-    assert curve.low is not None
-    assert curve.high is not None
-    assert (row["I_low"], row["I_high"]) == result.law.I_range
-    for place, k in (("low", 0), ("middle", 40), ("high", 79)):
-        assert row[f"I_{place}"] == curve.I[k]
-        assert row[f"mu_at_I_{place}"] == curve.mu[k]
-        ends = row[f"mu_at_I_{place}_low_90"], row[f"mu_at_I_{place}_high_90"]
-        assert ends == (curve.low[k], curve.high[k])
