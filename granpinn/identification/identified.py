@@ -26,7 +26,7 @@ from granpinn.results import (
     write_fields,
     write_results,
 )
-from granpinn.results.dataset import fields_dataset
+from granpinn.results.fields import fields_dataset
 from granpinn.training.history import History, read_history, row_of
 
 if TYPE_CHECKING:

@@ -17,11 +17,11 @@ from granpinn.identification.identified import Identification
 from granpinn.identification.one_law import identify_one_law
 from granpinn.identification.run import run
 from granpinn.identification.start import folder_of, prepare
+from granpinn.kernels.builds import choose_device
 from granpinn.laws import register
 from granpinn.output import owned
 from granpinn.physics.laws import FrictionLaw
 from granpinn.results import Result
-from granpinn.training.device import choose_device
 from granpinn.training.progress import Progress
 
 

@@ -84,7 +84,7 @@ class ErrorBars:
 
 @dataclass(frozen=True)
 class LawPoints:
-    """The law of a flow with I0 free, at three inertial numbers (fit/free_I0.py).
+    """The law of a flow with I0 free, at three inertial numbers (checks/unknown_I0.py).
 
     Attributes:
         I, log_mu: inertial numbers and log of the friction there [3].

@@ -1,8 +1,8 @@
 r"""One friction law of several flows of one material: the fit to the laws of the single flows.
 
 Flow f by itself gives log mu at both ends of its range of I. Where I0 is free, flows of which it is
-known give log mu at three inertial numbers (fit/free_I0.py). With all of them y [n], their errors
-of covariance C, and one law $\theta$ of L parameters that fits them best,
+known give log mu at three inertial numbers (checks/unknown_I0.py). With all of them y [n], their
+errors of covariance C, and one law $\theta$ of L parameters that fits them best,
 
 $$ \chi^2 = \min_\theta\, (y - \log\mu(\theta))^T C^{-1} (y - \log\mu(\theta)). $$
 

@@ -14,8 +14,8 @@ from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.fit.case import pose
 from granpinn.identification.start import start
+from granpinn.kernels.builds import choose_device
 from granpinn.results import Result
-from granpinn.training.device import choose_device
 from granpinn.training.history import Row
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Progress
