@@ -113,7 +113,7 @@ def calls(folder: Path, begun: Begun) -> dict[str, tuple[Callable[..., Any], dic
     assert surface is not None
     mu = ("mu_s", 0.3)
     parts = {"progress": begun, "run_dir": None, "law": None}
-    parts |= {"on_values": None, "level": "V1", "checks": "none"}
+    parts |= {"level": "V1", "checks": "none"}
     return {
         "flow": (granpinn.flow, ARRAYS | UNITS | MATERIAL),
         "flow, all settings": (granpinn.flow, settings | ARRAYS | UNITS | MATERIAL),

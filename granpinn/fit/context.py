@@ -32,7 +32,6 @@ class Context:
         folder: where the result is written; None: nowhere.
         fields: the predicted fields, where they are kept.
         shear: the points of the fields where grains shear.
-        shown: called with the result whenever it has grown.
     """
 
     result: Result
@@ -45,10 +44,9 @@ class Context:
     folder: Path | None = None
     fields: Fields | None = None
     shear: Shear | None = None
-    shown: Callable[[Result], None] | None = None
 
     def keep(self, result: Result) -> None:
-        """Take a result that has grown: write it and show it.
+        """Take a result that has grown, and write it.
 
         Raises:
             OutputError: a file cannot be written.
@@ -56,8 +54,6 @@ class Context:
         self.result = result
         if self.folder is not None:
             write_results(result, self.folder / "results.json")
-        if self.shown is not None:
-            self.shown(result)
 
     def do(self, part: str, work: Callable[[], Record | None]) -> None:
         """Do what may fail alone (results/attempt.py); its record, or why it failed, is kept."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from granpinn.checks import shared_law
 from granpinn.config import Config, ConfigError
@@ -43,7 +42,6 @@ def identify_one_law(
     config: Config,
     folder: Path | None,
     progress: Progress | None,
-    on_values: Callable[[Result], Any] | None,
     begin: float,
 ) -> Identification:
     """The law of all flows, trained side by side; arguments and errors as of `identify`.
@@ -66,8 +64,6 @@ def identify_one_law(
         found = one_law(each)
         if folder is not None:
             write_results(found, folder / "results.json")
-        if on_values is not None:
-            on_values(found)
         return Identification.of(found, folder, each=tuple(each))
 
 

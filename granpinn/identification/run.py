@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -20,7 +20,6 @@ from granpinn.fit.context import ASSUMPTIONS, CURVE, FIELDS, Context
 from granpinn.fit.network import FILE, TrainedNetwork, write_network
 from granpinn.identification.identified import Identification
 from granpinn.identification.start import CHECKS, ERROR_BARS, start
-from granpinn.results import Result
 from granpinn.results.attempt import PENDING, NotDone, attempt
 from granpinn.results.record import NONE, Check
 from granpinn.simulation.threads import beside_gpu, threads
@@ -43,7 +42,6 @@ def run(
     device: torch.device,
     *,
     alone: bool = False,
-    on_values: Callable[[Result], Any] | None = None,
 ) -> list[Identification]:
     """Train the ensembles of cases as one batch, and make the results and their checks.
 
@@ -51,7 +49,6 @@ def run(
         folder: of the checkpoints.
         parts: where the results of each case are written.
         alone: there is one case, whose failure raises NonFiniteError; others leave a `failure`.
-        on_values: as in `identify`.
 
     Raises:
         NonFiniteError: the one case diverged.
@@ -100,7 +97,6 @@ def run(
         loop.progress.stage(CHECKS)
 
         def finished(context: Context) -> Identification:
-            context.shown = on_values
             context.do(CURVE, context.draw_curve)
             for check in checks:
                 context.do(check.name, partial(check.make, context))
