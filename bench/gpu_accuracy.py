@@ -27,10 +27,10 @@ from granpinn.config import Config, Network
 from granpinn.fit.case import pose
 from granpinn.identification.start import start
 from granpinn.kernels import ops
+from granpinn.kernels.builds import choose_device
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.terms import LossPoints
 from granpinn.simulation import demo_path
-from granpinn.training.device import choose_device
 
 RULE = 1.5
 BATCHES = 8

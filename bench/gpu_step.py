@@ -26,7 +26,7 @@ from bench import gpu_accuracy, gpu_training, rivals
 from bench.processes import run_lines
 from bench.rivals import GRANPINN, OTHERS, OURS, Sizes
 from bench.studies import raw
-from granpinn.training.device import choose_device
+from granpinn.kernels.builds import choose_device
 
 JAX_SECONDS = 600.0
 PARTS = ("rows", "accuracy", "ensembles")

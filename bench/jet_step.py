@@ -1,4 +1,4 @@
-"""The fused jets of `granpinn.SwishNetwork` beside torch, on another equation.
+"""The fused jets of `granpinn.kernels.ops.network_jet` beside torch, on another equation.
 
 Claim (docs/guides/other-equations.md): loss and gradient of examples/navier_stokes.py take a small
 part of the CPU time of nested automatic differentiation with the fused jets, and less than with
@@ -14,7 +14,6 @@ import runpy
 import statistics
 import time
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +21,7 @@ import torch
 from torch import Tensor
 
 from bench.studies import raw
-from granpinn import SwishNetwork
-from granpinn.kernels.swish_network import Jet
+from granpinn.kernels.network import views
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "navier_stokes.py"
 POINTS, ROUNDS = 1024, 40
@@ -35,11 +33,8 @@ Step = Callable[[], Tensor]
 
 def taylor_network(params: Tensor, points: Tensor, widths: list[int]) -> list[Tensor]:
     """Raw outputs [B, K] of each channel; the channels of a layer are one matrix product."""
-    start, jet = 0, []
-    for layer, (n_in, n_out) in enumerate(pairwise(widths)):
-        W = params[start : start + n_out * n_in].view(n_out, n_in)
-        b = params[start + n_out * n_in : start + n_out * (n_in + 1)]
-        start += n_out * (n_in + 1)
+    jet: list[Tensor] = []
+    for layer, (W, b) in enumerate(views(params, widths)):
         if layer == 0:
             value = points @ W.T + b
             first = [W[:, i].expand_as(value) for i in range(3)]
@@ -61,13 +56,15 @@ def swish(z: list[Tensor]) -> list[Tensor]:
     return [z[0] * s, *(f1 * z_i for z_i in z[1:4]), *second]
 
 
-def by_hand(net: SwishNetwork, where: Tensor) -> Jet:
+def by_hand(
+    params: Tensor, where: Tensor, widths: list[int], shift: list[float], scale: list[float]
+) -> list[Tensor]:
     """Taylor jets written by hand, in the units of the points."""
-    shift, scale = (where.new_tensor(values) for values in (net.input_shift, net.input_scale))
-    raw = taylor_network(net.params, (where - shift) * scale, net.widths)
-    first = (raw[1 + i] * scale[i] for i in range(3))
-    second = (channel * scale[i] * scale[j] for channel, (i, j) in zip(raw[4:], PAIRS, strict=True))
-    return Jet(raw[0], *first, *second)
+    at = (where - where.new_tensor(shift)) * where.new_tensor(scale)
+    value, *rest = taylor_network(params, at, widths)
+    first = [part * factor for part, factor in zip(rest, scale, strict=False)]
+    second = [part * scale[i] * scale[j] for part, (i, j) in zip(rest[3:], PAIRS, strict=True)]
+    return [value, *first, *second]
 
 
 def steps(compiled: bool = False) -> dict[str, Step]:
@@ -78,19 +75,21 @@ def steps(compiled: bool = False) -> dict[str, Step]:
     """
     example: dict[str, Any] = runpy.run_path(str(EXAMPLE))
     draw = torch.Generator().manual_seed(0)
-    net, log_nu = example["network"](), torch.tensor(-3.0, requires_grad=True)
+    params, log_nu = example["network"](), torch.tensor(-3.0, requires_grad=True)
     where = example["points"](POINTS, draw)
     data = example["velocity"](where)
 
     def step(jets: Any, loss: Any = example["loss"]) -> Step:
         def advance() -> Tensor:
-            value = loss(net, log_nu, where, data, jets)
-            by_params, _ = torch.autograd.grad(value, (net.params, log_nu))
+            value = loss(params, log_nu, where, data, jets)
+            by_params, _ = torch.autograd.grad(value, (params, log_nu))
             return by_params
 
         return advance
 
-    ways = {"fused": example["fused"], "nested": example["nested"], "by hand": by_hand}
+    network = [example[name] for name in ("WIDTHS", "SHIFT", "SCALE")]
+    ways = {name: example[name] for name in ("fused", "nested")}
+    ways["by hand"] = lambda *at: example["Jet"](*by_hand(*at, *network))
     found = {name: step(jets) for name, jets in ways.items()}
     if compiled:
         loss: Any = torch.compile(example["loss"], dynamic=False)

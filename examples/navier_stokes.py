@@ -9,8 +9,8 @@ are solved by the vortices of Taylor and Green (Proc. R. Soc. A 158, 1937)
 
     u = sin x cos y exp(-2 nu t),   v = -cos x sin y exp(-2 nu t).
 
-A `granpinn.SwishNetwork` is fitted to velocities with noise, and nu and the pressure are identified
-with it. `--compare` measures one step with the fused jets and with nested differentiation.
+A network is fitted to velocities with noise, and nu and the pressure are identified with it.
+`--compare` measures one step with the fused jets and with nested differentiation.
 
     python examples/navier_stokes.py --steps 2000
 """
@@ -21,23 +21,41 @@ import argparse
 import math
 import time
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from granpinn import SwishNetwork
-from granpinn.kernels.swish_network import Jet
+from granpinn.kernels import ops
+from granpinn.kernels.network import drawn_parameters, views
 
 NU = 0.05  # of the data
 NOISE = 0.01
 SIDE, END = math.pi, 4.0  # the box [0, SIDE]^2, and the last time
 
-Jets = Callable[[SwishNetwork, Tensor], Jet]
+# The network (x, y, t) -> (u, v, p); inputs are mapped to [-1, 1], xi = (x - shift) * scale.
+WIDTHS = [3, 64, 64, 64, 3]
+SHIFT, SCALE = [SIDE / 2, SIDE / 2, END / 2], [2 / SIDE, 2 / SIDE, 2 / END]
 
 
-def network(seed: int = 0) -> SwishNetwork:
-    """The fields u, v, p."""
-    return SwishNetwork(3, (64, 64, 64), (0, 0, 0), (SIDE, SIDE, END), seed)
+class Jet(NamedTuple):
+    """The outputs and their derivatives, [N, 3] each."""
+
+    value: Tensor
+    x: Tensor
+    y: Tensor
+    t: Tensor
+    xx: Tensor
+    xy: Tensor
+    yy: Tensor
+
+
+Jets = Callable[[Tensor, Tensor], Jet]
+
+
+def network(seed: int = 0) -> Tensor:
+    """All parameters of the network in one vector [P]."""
+    return drawn_parameters(WIDTHS, seed).float().requires_grad_()
 
 
 def points(count: int, draw: torch.Generator) -> Tensor:
@@ -52,20 +70,17 @@ def velocity(where: Tensor) -> Tensor:
     return torch.stack([x.sin() * y.cos() * decay, -x.cos() * y.sin() * decay], 1)
 
 
-def fused(net: SwishNetwork, where: Tensor) -> Jet:
+def fused(params: Tensor, where: Tensor) -> Jet:
     """The derivatives by the fused kernels."""
-    return net.jet(where)
+    return Jet(*ops.network_jet(where, params, WIDTHS, SHIFT, SCALE, 2).unbind(0))
 
 
-def nested(net: SwishNetwork, where: Tensor) -> Jet:
+def nested(params: Tensor, where: Tensor) -> Jet:
     """The same by automatic differentiation, once more for each second derivative."""
     where = where.detach().requires_grad_()
-    xi = (where - where.new_tensor(net.input_shift)) * where.new_tensor(net.input_scale)
-    start, layers = 0, list(zip(net.widths[:-1], net.widths[1:], strict=True))
-    for k, (n_in, n_out) in enumerate(layers):
-        W = net.params[start : start + n_in * n_out].view(n_out, n_in)
-        b = net.params[start + n_in * n_out : start + (n_in + 1) * n_out]
-        start += (n_in + 1) * n_out
+    xi = (where - where.new_tensor(SHIFT)) * where.new_tensor(SCALE)
+    layers = views(params, WIDTHS)
+    for k, (W, b) in enumerate(layers):
         xi = xi @ W.T + b
         xi = torch.nn.functional.silu(xi) if k < len(layers) - 1 else xi
 
@@ -88,29 +103,29 @@ def residuals(jet: Jet, nu: Tensor) -> Tensor:
     return torch.stack([e_u, e_v, jet.x[:, 0] + jet.y[:, 1]], 1)
 
 
-def loss(net: SwishNetwork, log_nu: Tensor, where: Tensor, data: Tensor, jets: Jets) -> Tensor:
+def loss(params: Tensor, log_nu: Tensor, where: Tensor, data: Tensor, jets: Jets) -> Tensor:
     """Mean squares of the misfit in units of the noise, and of the equations."""
-    jet = jets(net, where)
+    jet = jets(params, where)
     misfit = (jet.value[:, :2] - data) / NOISE
     return 1e-2 * misfit.square().mean() + residuals(jet, log_nu.exp()).square().mean()
 
 
-def train(steps: int, jets: Jets = fused, count: int = 1024) -> tuple[SwishNetwork, list[float]]:
-    """The trained network, and nu after every step."""
+def train(steps: int, jets: Jets = fused, count: int = 1024) -> tuple[Tensor, list[float]]:
+    """The trained parameters, and nu after every step."""
     draw = torch.Generator().manual_seed(0)
-    net, log_nu = network(), torch.tensor(math.log(0.5)).requires_grad_()
-    adam = torch.optim.Adam([{"params": [net.params]}, {"params": [log_nu], "lr": 2e-2}], lr=4e-3)
+    params, log_nu = network(), torch.tensor(math.log(0.5)).requires_grad_()
+    adam = torch.optim.Adam([{"params": [params]}, {"params": [log_nu], "lr": 2e-2}], lr=4e-3)
     decay = torch.optim.lr_scheduler.LinearLR(adam, 1.0, 0.01, steps)
     found = []
     for _ in range(steps):
         where = points(count, draw)
         data = velocity(where) + NOISE * torch.randn(count, 2, generator=draw)
         adam.zero_grad()
-        loss(net, log_nu, where, data, jets).backward()
+        loss(params, log_nu, where, data, jets).backward()
         adam.step()
         decay.step()
         found.append(float(log_nu.detach().exp()))
-    return net, found
+    return params, found
 
 
 def seconds(jets: Jets, steps: int = 50) -> float:
@@ -130,9 +145,9 @@ def main(argv: Sequence[str] | None = None) -> None:
         own, plain = seconds(fused), seconds(nested)
         print(f"fused {1e3 * own:.1f}, nested {1e3 * plain:.1f} ms of CPU time a step")
         return
-    net, found = train(args.steps)
+    params, found = train(args.steps)
     where = points(2000, torch.Generator().manual_seed(1))
-    error = (net(where)[:, :2] - velocity(where)).square().mean().sqrt()
+    error = (fused(params, where).value[:, :2] - velocity(where)).square().mean().sqrt()
     print(f"nu = {found[-1]:.4f}, the data have {NU}; rms error of the velocity {error:.1e}")
 
 

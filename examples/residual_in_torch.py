@@ -1,8 +1,8 @@
 """A residual of your own in plain torch, on the fused jets of granpinn.
 
-`granpinn.SwishNetwork` gives a network with its first and second derivatives, and is differentiable
-in the parameters. So any equation of second order can be tried without a kernel of its own. Here
-the Burgers equation
+`granpinn.kernels.ops.network_jet` gives a network with its first and second derivatives, and is
+differentiable in the parameters. So any equation of second order can be tried without a kernel of
+its own. Here the Burgers equation
 
     u_t + u u_x = nu u_xx,   nu = 0.02,
 
@@ -20,14 +20,24 @@ import torch
 from matplotlib import pyplot
 from torch import Tensor
 
-from granpinn import SwishNetwork
+from granpinn.kernels import ops
+from granpinn.kernels.network import drawn_parameters
 
 NU = 0.02
 
 
-def network(seed: int = 0) -> SwishNetwork:
-    """u(x, t); it does not depend on y."""
-    return SwishNetwork(1, (64, 64, 64), lower=(-1, 0, 0), upper=(1, 0, 1), seed=seed)
+# The network (x, y, t) -> u; inputs are mapped to [-1, 1], and u does not depend on y.
+NETWORK = [3, 64, 64, 64, 1], [0.0, 0.0, 0.5], [1.0, 0.0, 2.0]  # widths, shift, scale
+
+
+def network(seed: int = 0) -> Tensor:
+    """All parameters of the network in one vector [P]."""
+    return drawn_parameters(NETWORK[0], seed).float().requires_grad_()
+
+
+def value(params: Tensor, where: Tensor) -> Tensor:
+    """u at points [N, 3]: [N]."""
+    return ops.network_value(where, params, *NETWORK)[:, 0]
 
 
 def points(x: Tensor, t: Tensor) -> Tensor:
@@ -35,35 +45,35 @@ def points(x: Tensor, t: Tensor) -> Tensor:
     return torch.stack([x, torch.zeros_like(x), t], 1)
 
 
-def residual(net: SwishNetwork, where: Tensor) -> Tensor:
+def residual(params: Tensor, where: Tensor) -> Tensor:
     """u_t + u u_x - nu u_xx at points [N, 3]: [N]."""
-    u = net.jet(where)
-    return (u.t + u.value * u.x - NU * u.xx)[:, 0]
+    u, u_x, _, u_t, u_xx, _, _ = ops.network_jet(where, params, *NETWORK, 2).unbind(0)
+    return (u_t + u * u_x - NU * u_xx)[:, 0]
 
 
-def loss(net: SwishNetwork, draw: torch.Generator, count: int = 2048) -> Tensor:
+def loss(params: Tensor, draw: torch.Generator, count: int = 2048) -> Tensor:
     """Mean squares of the equation inside, and of u at the start and on the sides."""
     x, t = 2 * torch.rand(count, generator=draw) - 1, torch.rand(count, generator=draw)
-    start, sides = net(points(x, 0 * t))[:, 0], net(points(x.sign(), t))[:, 0]
+    start, sides = value(params, points(x, 0 * t)), value(params, points(x.sign(), t))
     misfit = (start + torch.sin(math.pi * x)).square().mean() + sides.square().mean()
-    return residual(net, points(x, t)).square().mean() + 10 * misfit
+    return residual(params, points(x, t)).square().mean() + 10 * misfit
 
 
-def train(steps: int, seed: int = 0) -> tuple[SwishNetwork, list[float]]:
-    """The trained network, and the loss of every step."""
+def train(steps: int, seed: int = 0) -> tuple[Tensor, list[float]]:
+    """The trained parameters, and the loss of every step."""
     draw = torch.Generator().manual_seed(seed)
-    net = network(seed)
-    adam = torch.optim.Adam(net.parameters(), lr=2e-3)
+    params = network(seed)
+    adam = torch.optim.Adam([params], lr=2e-3)
     decay = torch.optim.lr_scheduler.LinearLR(adam, 1.0, 0.01, steps)
     losses = []
     for _ in range(steps):
         adam.zero_grad()
-        value = loss(net, draw)
-        value.backward()
+        found = loss(params, draw)
+        found.backward()
         adam.step()
         decay.step()
-        losses.append(float(value.detach()))
-    return net, losses
+        losses.append(float(found.detach()))
+    return params, losses
 
 
 def main() -> None:
@@ -71,20 +81,20 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--figure", help="file for a figure of u(x, t)")
     args = parser.parse_args()
-    net, losses = train(args.steps)
+    params, losses = train(args.steps)
     x = torch.linspace(-1, 1, 9)
-    u = net(points(x, torch.ones_like(x)))[:, 0]
+    u = value(params, points(x, torch.ones_like(x)))
     print(f"loss {losses[0]:.3g} -> {losses[-1]:.3g}")
-    print("u(x, 1) at x = -1 .. 1:", " ".join(f"{value:.3f}" for value in u.tolist()))
+    print("u(x, 1) at x = -1 .. 1:", " ".join(f"{number:.3f}" for number in u.tolist()))
     if args.figure is not None:
-        draw(net, args.figure)
+        draw(params, args.figure)
 
 
-def draw(net: SwishNetwork, file: str) -> None:
+def draw(params: Tensor, file: str) -> None:
     """u(x, t) as a map, and over x at five times."""
     x, t = torch.linspace(-1, 1, 201), torch.linspace(0, 1, 101)
     with torch.no_grad():
-        u = net(points(x.repeat(101), t.repeat_interleave(201)))[:, 0].reshape(101, 201)
+        u = value(params, points(x.repeat(101), t.repeat_interleave(201))).reshape(101, 201)
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
     image = left.pcolormesh(t, x, u.T, shading="nearest")
     left.set(xlabel="t", ylabel="x")

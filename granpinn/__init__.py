@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from granpinn.identification.single import identify
     from granpinn.importers import convert, flow, read
     from granpinn.inspection import inspect
-    from granpinn.kernels.swish_network import SwishNetwork
     from granpinn.results import Result
     from granpinn.simulation import simulate
 
@@ -36,7 +35,6 @@ __all__ = [
     "Config",
     "Identification",
     "Result",
-    "SwishNetwork",
     "__version__",
     "convert",
     "film",
@@ -57,7 +55,6 @@ _HOMES = {
     "Config": "granpinn.config",
     "Identification": "granpinn.identification.identified",
     "Result": "granpinn.results",
-    "SwishNetwork": "granpinn.kernels.swish_network",
     "convert": "granpinn.importers",
     "film": "granpinn.filming",
     "flow": "granpinn.importers",

@@ -103,7 +103,6 @@ def Parameter(
     return LawParameter(
         name=name,
         symbol=symbol or rf"\mathrm{{{name}}}".replace("_", r"\_"),
-        text=name,
         start=start,
         variable="log_above" if above else "log",
         bounds=bounds,

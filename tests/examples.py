@@ -29,7 +29,6 @@ from granpinn.results import (
 )
 from granpinn.results.fields import Units
 from granpinn.results.identified_law import Curve, IdentifiedLaw, StressPoints
-from granpinn.results.parameters import Determined
 from granpinn.results.records import ErrorBars, Members
 
 PARAMETERS = Parameters(
@@ -58,7 +57,6 @@ SPARSE: dict[str, Any] = {
     "residuals": None,
     "error_bars": None,
     "checks": {},
-    "determined": None,
     "law": IdentifiedLaw(),
     "error_percent": ErrorPercent(),
     "settings": {},
@@ -100,7 +98,6 @@ def make_result(**changes: Any) -> Result:
         ),
         error_bars=ErrorBars((0.011, 0.017), 8.0, 1.86, "made up", (0.008, 0.02), (0.004, 0.01)),
         checks={"momentum_balance": BALANCE},
-        determined=Determined((0.01, 0.2)),
     )
     return replace(result, **changes)
 

@@ -98,10 +98,6 @@ def predicted(**given: Any) -> Any:
     return result.predict(**given)
 
 
-def jet(points: Any, order: Any, **given: Any) -> Any:
-    return granpinn.SwishNetwork(**given).jet(points, order)
-
-
 def new_law(mu: Any, name: Any, parameters: Any) -> Any:
     return register(Law(name, mu, parameters))
 
@@ -117,7 +113,7 @@ def calls(folder: Path, begun: Begun) -> dict[str, tuple[Callable[..., Any], dic
     assert surface is not None
     mu = ("mu_s", 0.3)
     parts = {"progress": begun, "run_dir": None, "law": None}
-    parts |= {"on_values": None, "level": "V1", "checks": "none"}
+    parts |= {"level": "V1", "checks": "none"}
     return {
         "flow": (granpinn.flow, ARRAYS | UNITS | MATERIAL),
         "flow, all settings": (granpinn.flow, settings | ARRAYS | UNITS | MATERIAL),
@@ -170,11 +166,6 @@ def calls(folder: Path, begun: Begun) -> dict[str, tuple[Callable[..., Any], dic
             granpinn.simulate,
             {"cells": 32, "frames": 2, "t_end": 0.1, "stride": 4, "mu_s": 0.4, "aspect": 1.0}
             | {"height": 1.0, "d": 0.02, "out": None, "listener": None, "gravity": (0.0, -1.0)},
-        ),
-        "SwishNetwork": (
-            jet,
-            {"points": torch.zeros(5, 3), "order": 2, "outputs": 1, "hidden": (4, 4), "seed": 0}
-            | {"lower": (-1, -1, -1), "upper": (1, 1, 1)},
         ),
     }
 

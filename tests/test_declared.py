@@ -54,7 +54,6 @@ CALLS: dict[str, Callable[[Flow], Any]] = {
     "path": lambda flow: granpinn.read_flow(flow),  # type: ignore[arg-type]
     "load": lambda flow: granpinn.load(None),  # type: ignore[arg-type]
     "write": lambda flow: granpinn.write_flow("flow.h5", flow),  # type: ignore[arg-type]
-    "hidden": lambda flow: granpinn.SwishNetwork(1, hidden=64),  # type: ignore[arg-type]
 }
 
 

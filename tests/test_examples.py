@@ -10,7 +10,6 @@ from types import ModuleType
 import pytest
 import torch
 
-import granpinn
 from granpinn import reference
 from granpinn.data import write_flow
 from granpinn.physics.laws import LAWS
@@ -31,17 +30,16 @@ def load(name: str) -> ModuleType:
 def test_a_residual_in_torch_on_fused_jets() -> None:
     """The loss falls, and the residual is that of nested differentiation."""
     example = load("residual_in_torch")
-    net, losses = example.train(60)
+    params, losses = example.train(60)
     assert sum(losses[-5:]) < 0.5 * sum(losses[:5])
 
     where = example.points(torch.rand(20), torch.rand(20)).double().requires_grad_()
-    net = net.double()
-    network = net.widths, net.input_shift, net.input_scale
-    u = reference.network_value(where, net.params, *network)[:, 0]
+    params = params.double()
+    u = reference.network_value(where, params, *example.NETWORK)[:, 0]
     (first,) = torch.autograd.grad(u.sum(), where, create_graph=True)
     (second,) = torch.autograd.grad(first[:, 0].sum(), where)
     expected = first[:, 2] + u * first[:, 0] - example.NU * second[:, 0]
-    found = example.residual(net, where.detach())
+    found = example.residual(params, where.detach())
     torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-9)
 
 
@@ -49,34 +47,19 @@ def test_an_inverse_problem_of_another_equation() -> None:
     """The fused jets are those of nested differentiation, and nu comes nearer to the truth."""
     example = load("navier_stokes")
     draw = torch.Generator().manual_seed(3)
-    where, net = example.points(30, draw).double(), example.network(1).double()
-    for own, expected in zip(example.fused(net, where), example.nested(net, where), strict=True):
+    where, params = example.points(30, draw).double(), example.network(1).double()
+    pairs = zip(example.fused(params, where), example.nested(params, where), strict=True)
+    for own, expected in pairs:
         torch.testing.assert_close(own, expected, rtol=1e-9, atol=1e-9)
     data, nu = example.velocity(where), torch.tensor(-3.0, dtype=torch.float64)
     gradients = []
     for jets in (example.fused, example.nested):
-        value = example.loss(net, nu, where, data, jets)
-        gradients += torch.autograd.grad(value, net.params)
+        value = example.loss(params, nu, where, data, jets)
+        gradients += torch.autograd.grad(value, params)
     torch.testing.assert_close(gradients[0], gradients[1], rtol=1e-7, atol=1e-9)
 
     _, found = example.train(100, count=256)
     assert example.NU < found[-1] < 0.7 * found[0]
-
-
-def test_a_network_of_any_outputs(device: torch.device) -> None:
-    """Values and derivatives of each order; a coordinate without extent has no derivative."""
-    net = granpinn.SwishNetwork(7, (9,), (0, 2, 0), (1, 2, 5), seed=4).to(device)
-    where = torch.rand(5, 3, device=device)
-    jet = net.jet(where)
-    torch.testing.assert_close(net(where), jet.value)
-    assert [part is None for part in net.jet(where, 1)] == [False] * 4 + [True] * 3
-    assert jet.value.shape == jet.xx.shape == (5, 7)
-    assert not jet.y.any()
-    assert jet.x.any()
-    twin = granpinn.SwishNetwork(7, (9,), (0, 2, 0), (1, 2, 5), seed=4)
-    assert torch.equal(twin.params, net.params.cpu())
-    with pytest.raises(ValueError, match="points must not require a gradient"):
-        net.jet(where.requires_grad_())
 
 
 def test_a_law_of_your_own(

@@ -91,10 +91,3 @@ def test_5_a_result_is_saved_and_loaded(result: granpinn.Identification, tmp_pat
     assert "mu(I)" in page.read_text(encoding="utf-8")
     with pytest.raises(ValueError, match=r"in memory: name a folder for the report"):
         result.report()
-
-
-def test_6_a_callback_gets_the_values_early(flow: Any, tmp_path: Path) -> None:
-    values: list[granpinn.Result] = []
-    found = granpinn.identify(flow, TINY, run_dir=tmp_path, on_values=values.append)
-    assert values[0].checks == {}
-    assert values[-1].parameters == found.parameters

@@ -37,7 +37,7 @@ PLAIN: dict[str, Any] = {"dimensionless": True, "grain_diameter": "0.1"}
 
 
 def newest_beside(path: Path) -> None:
-    path.rename(path.with_name("step-000000001.json"))
+    path.rename(path.with_name(f"step-000000001-{'0' * 16}.safetensors"))
     try:
         newest(path.parent)
     except CheckpointError as error:

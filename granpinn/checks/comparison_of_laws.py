@@ -84,13 +84,6 @@ class LawComparison(Record):
 
     laws: tuple[ComparedLaw, ...]
 
-    def __post_init__(self) -> None:
-        verdicts = [law.verdict for law in self.laws]
-        if verdicts[:1] != [CHOSEN] or not set(verdicts[1:]) <= {ALIKE, EXCLUDED}:
-            raise ValueError(
-                f"the first law must be {CHOSEN}, others {ALIKE} or {EXCLUDED}, got {verdicts}"
-            )
-
     @property
     def words(self) -> str:
         """Which law the data support, which they cannot tell from it, and which they exclude."""
@@ -322,7 +315,7 @@ def _parameter(p: LawParameter, value: float, std: float | None, fit: Fit) -> Pa
         return Parameter(value, fixed=p.fixed)
     spread = I0_SPREAD if p.name == fit.law.inertial_scale else REACH
     if std > KNOWN * spread:
-        return Parameter(value, fixed=False, determined=False)
+        return Parameter(value, fixed=False, undetermined="the free curve does not tell it")
     if p.variable == "log_above":  # the unknown is the distance from the parameter before it
         std *= 1 - fit.theta[fit.law.names.index(p.name) - 1] / value
     ends = value * math.exp(-NORMAL_90 * std), value * math.exp(NORMAL_90 * std)
@@ -355,7 +348,7 @@ def cohesive_law(theta: Sequence[float], c: float, least: float, std: float) -> 
         std: its standard deviation.
     """
     law, sure, reach = cohesive.LAW, c > RULED_OUT * least, NORMAL_90 * std
-    own = Parameter(c, False, determined=False)
+    own = Parameter(c, False, undetermined="it cannot be told from 0")
     if sure:
         own = Parameter(c, False, std, (max(0.0, c - reach), c + reach))
     values = {

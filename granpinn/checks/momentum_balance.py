@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 
-from granpinn.config import Level
 from granpinn.estimates.confined import undetermined
 from granpinn.fit.case import Case
 from granpinn.fit.context import Context
@@ -114,7 +112,7 @@ def make(context: Context) -> MomentumBalance:
     case, result = context.case, context.result
     name = result.friction_law.inertial_scale
     found = case.shared.balance(I0 if name is None else result.parameters[name].value)
-    if undetermined(case.seen, cast(Level, result.level)) is not None:
+    if undetermined(case.seen, result.level) is not None:
         return MomentumBalance(found)  # the network's law has no meaning
     if found.carried:
         context.result = without_error_bars(result)

@@ -61,13 +61,6 @@ class SharedLaw(Record):
     p_value: float
     I0: str
 
-    def __post_init__(self) -> None:
-        if not (0 <= self.p_value <= 1 and self.chi_square >= 0 and self.freedom > 0):
-            raise ValueError(
-                "expected p_value in [0, 1], chi_square >= 0 and freedom > 0, got "
-                f"{self.p_value}, {self.chi_square} and {self.freedom}"
-            )
-
     @property
     def verdict(self) -> str:
         """Whether they have one law, in words."""

@@ -5,7 +5,7 @@ Where I << I0 the law is mu_s + (mu_2 - mu_s) I/I0. The data then determine the 
 a wide range of I determine I0, too, by the curvature of mu(I).
 
 What the data say is log mu at n inertial numbers, y of covariance C. For simulated flows it is the
-law with I0 free at three of them (fit/free_I0.py). How real grains depart from the curvature of
+law with I0 free at three of them. How real grains depart from the curvature of
 mu(I) is not known; for them it is the law of the run at both ends of the range of I. For every I0
 
 $$ \chi^2(I_0) = \min_{\mu_s, \mu_2}\, (y - \log\mu)^T C^{-1} (y - \log\mu), $$
@@ -29,20 +29,26 @@ from scipy.special import ndtr
 from granpinn.arrays import Float64
 from granpinn.errors import CannotGoOn
 from granpinn.fit.context import Context
-from granpinn.fit.free_I0 import law_points
+from granpinn.fit.free_curve import LEAST
 from granpinn.physics.laws import DEFAULT
+from granpinn.physics.rheology import by_parameters
 from granpinn.results import Parameter, Parameters, Result
 from granpinn.results.parameters import NOT_DETERMINED
 from granpinn.results.record import Check, Record
 from granpinn.results.records import LawPoints
 from granpinn.results.result import NORMAL_90
-from granpinn.uncertainty.curve_error import between
+from granpinn.training.information import information
+from granpinn.training.last_layer import last_layer
+from granpinn.training.loop import TrainingLoop
+from granpinn.uncertainty.curve_error import between, quadratic
 from granpinn.uncertainty.determined import LARGEST
 from granpinn.uncertainty.error_model import Pair, ends_of, line
 
 REACH, VALUES = 4.0, 241  # of I0 over that of the run, upwards and downwards; number of values
 STEPS = 4  # of Gauss and Newton with a given I0
 TAIL = 0.05  # of a mixture, at either side of its 90 % interval
+# Errors over the standard deviations that the residuals show (bench/studies/one_law/note.md).
+SCATTER = 4.0
 FARTHEST = 40.0  # standard deviations beyond all parts of a mixture
 
 
@@ -86,18 +92,45 @@ def make(context: Context) -> UnknownI0 | None:
     return unknown_I0(result, points)
 
 
+def law_points(run: TrainingLoop, place: int, I_range: Pair) -> LawPoints | None:
+    """The law of a member of a run with I0 free; None: the data do not determine it.
+
+    The last layer and the law are solved once more, with I0 as a third unknown. The law then has
+    the slope and the curvature that the data want.
+
+    Args:
+        I_range: of the data, 5th and 95th percentile.
+    """
+    ended = run.trainer.ended(place)
+    if ended is None or I_range[0] == I_range[1]:
+        return None
+    member, params, theta, step = ended
+    law = DEFAULT.with_free({"I0": float(theta[DEFAULT.names.index("I0")])})
+    member = dataclasses.replace(member, law=law)
+    params, theta = last_layer(member, params, theta, step)
+    found = information(member, params, theta, step)
+    known = None if found is None else quadratic(found, len(law.free))
+    if known is None:
+        return None
+    I, values = np.geomspace(*I_range, 3), theta.double().cpu().numpy()
+    mu = law.friction(I, *values)
+    slopes = by_parameters(law, I, values) / mu[:, None]
+    C = SCATTER**2 * slopes @ known.covariance @ slopes.T + LEAST**2 * np.eye(len(I))
+    return LawPoints(tuple(I.tolist()), tuple(np.log(mu).tolist()), tuple(map(tuple, C.tolist())))
+
+
 def errors_of(result: Result) -> tuple[Float64, Pair]:
     """Covariance of mu_s and mu_2 as of normal errors [2, 2], and the range of I.
 
     Raises:
         CannotGoOn: the run has no error bars, or its I0 was identified.
     """
-    law, shear, bars = result.covariance, result.determined, result.error_bars
-    if law is None or shear is None or shear.I_range is None or bars is None:
+    law, I_range, bars = result.covariance, result.law.I_range, result.error_bars
+    if law is None or I_range is None or bars is None:
         raise CannotGoOn(f"the run has no error bars: {result.law.reason or 'none were estimated'}")
     if law.names != ("mu_s", "mu_2"):
         raise CannotGoOn("I0 was identified with the law: take its own interval")
-    return np.array(law.matrix) * (bars.half_width / NORMAL_90) ** 2, shear.I_range
+    return np.array(law.matrix) * (bars.half_width / NORMAL_90) ** 2, I_range
 
 
 def unknown_I0(result: Result, points: LawPoints | None = None) -> UnknownI0:

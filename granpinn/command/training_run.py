@@ -14,15 +14,16 @@ from granpinn.checks import wanted
 from granpinn.command import flow_warnings
 from granpinn.command.next_step import require_flow_file
 from granpinn.config import Config, ConfigError
-from granpinn.identification.answer import FIELDS, require_kept
+from granpinn.fit.context import FIELDS
 from granpinn.identification.single import identify
+from granpinn.identification.start import require_kept
+from granpinn.kernels.builds import wake
 from granpinn.output import objection_to_folder, owned
 from granpinn.results import Result
 from granpinn.results.attempt import NotDone, attempt
 from granpinn.results.result import in_words
 from granpinn.terminal import say
 from granpinn.training import progress
-from granpinn.training.device import wake
 
 REPORT = "report"
 FIGURES = 4.5  # seconds that the figures and the page take

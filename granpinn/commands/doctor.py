@@ -11,7 +11,6 @@ if __name__ == "__main__":
 
     cli.start("doctor")
 
-import importlib.util
 import os
 import platform
 from collections.abc import Callable, Sequence
@@ -31,9 +30,6 @@ BUILD_HINT = (
     "pip install scikit-build-core pybind11 cmake ninja && pip install --no-build-isolation -e ."
 )
 LARGEST_ERROR = {"float64": 1e-8, "float32": 1e-3}  # of the kernels, relative L2
-EXTRAS = {
-    "film": ("cv2",),
-}
 
 
 class Trouble(Exception):
@@ -48,16 +44,6 @@ def versions() -> Section:
             found[name] = version(name)
         except PackageNotFoundError:
             found[name] = "missing"
-    return found
-
-
-def extras() -> Section:
-    """Optional groups of packages: present, or the command that installs them."""
-    found = {}
-    for group, modules in EXTRAS.items():
-        missing = [name for name in modules if importlib.util.find_spec(name) is None]
-        hint = f"not installed; pip install {' '.join(missing)}"
-        found[group] = hint if missing else "present"
     return found
 
 
@@ -186,7 +172,7 @@ def small_problem(form: str, device: str, dtype: str) -> tuple[Any, ...]:
 
 def examine() -> tuple[dict[str, Section], str | None]:
     """All sections in the order of printing, and the fault, if any."""
-    report = {"versions": versions(), "extras": extras()}
+    report = {"versions": versions()}
     steps: dict[str, Callable[[], Section]] = {
         "build": build,
         "cpu": cpu,

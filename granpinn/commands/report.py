@@ -1,7 +1,7 @@
 """The report of a run: `python -m granpinn.report DIR`.
 
 It reads only the run folder: results.json, and fields.h5 and history.csv if they are there.
-It writes results.csv, figures/*.png and report.html, one page that needs no other file and no
+It writes figures/*.png and report.html, one page that needs no other file and no
 network. The page lists what is missing.
 """
 

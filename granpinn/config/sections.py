@@ -27,13 +27,8 @@ class Network:
         "wide",
         "first parameters: wide (first layer of unit variance, hidden gain 1.4) or Glorot uniform",
     )
-    units: Literal["scaled", "file"] = setting(
-        "scaled",
-        "units of inputs and outputs: scaled (inputs in [-1, 1], outputs of order 1), or those of "
-        "the flow file",
-    )
     pressure_scale: float = setting(
-        0.2, "pressure of an output of 1, in scaled units", positive=True
+        0.2, "pressure of an output of 1, in units of the flow", positive=True
     )
 
 
@@ -86,11 +81,6 @@ _Sigmas: Any = make_dataclass(
 class Weights(_Sigmas):  # type: ignore[misc]  # one field sigma_<name> for each row of TERMS
     """Standard deviation sigma of each residual: a term weighs 1/sigma^2, inf leaves it out."""
 
-    units: Literal["flow", "file"] = setting(
-        "flow",
-        "units of the sigmas: those of the flow (velocity: its rms speed, strain rates: its rms "
-        "shear rate, the others dimensionless), or those of the flow file",
-    )
     law_error: float = setting(
         0.02,
         "relative error of the friction law that is expected: where grains are so fast that it "
@@ -164,9 +154,6 @@ class Optimizer:
     )
     prefit: float = setting(
         0.15, "part of the run, at its start, that fits the velocity alone", low=0, high=0.99
-    )
-    prefit_final_fraction: float = setting(
-        0.1, "the same as final_fraction for the pre-fit", low=0, high=1
     )
     beta_2: float = setting(0.99, "decay of the second moment of adam", low=0, high=NEARLY_1)
     epsilon: float = setting(1e-8, "epsilon of adam", positive=True, high=1)

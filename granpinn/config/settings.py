@@ -86,6 +86,11 @@ class Config:
         "set of settings to start from: the best for most data, or the paper to the letter",
         choices=tuple(RECIPES),
     )
+    units: Literal["flow", "file"] = setting(
+        "flow",
+        "units of the network and of the sigmas of the loss: those of the flow (inputs in [-1, 1], "
+        "outputs of order 1; its rms speed and rms shear rate), or those of the flow file",
+    )
     noise: float = setting(
         0.0,
         "white noise added to the velocity, sd relative to the maximum speed (0.2 = 20 %)",

@@ -33,13 +33,13 @@ from granpinn.data.walls import segments_of
 from granpinn.estimates.facts import Facts, inertial_numbers
 from granpinn.inspection import refuse_slips
 from granpinn.inspection.momentum_balance import Baseline, baseline
+from granpinn.kernels.builds import choose_device
 from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.scales import Scales
 from granpinn.results.record import Reason
 from granpinn.training import problem, room
-from granpinn.training.device import choose_device
 from granpinn.training.objective import Member
 
 COPIES = 4  # of a network, for the assumptions of one flow (assumptions.py)

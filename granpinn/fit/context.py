@@ -5,18 +5,19 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 from granpinn.fit import ensemble, prediction
 from granpinn.fit.case import Case, Model
 from granpinn.fit.free_curve import with_free_band
 from granpinn.fit.prediction import Shear, shear_of, with_curve
-from granpinn.results import Fields, Result, write_csv, write_fields, write_results
+from granpinn.results import Fields, Result, write_fields, write_results
 from granpinn.results.attempt import NotDone, attempt
-from granpinn.results.record import Check, Record
+from granpinn.results.record import Record
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty.sensitivity import Assumption
+
+FIELDS, ASSUMPTIONS, CURVE = "fields", "assumptions", "curve"  # parts that are no checks
 
 
 @dataclass
@@ -31,7 +32,6 @@ class Context:
         folder: where the result is written; None: nowhere.
         fields: the predicted fields, where they are kept.
         shear: the points of the fields where grains shear.
-        shown: called with the result whenever it has grown.
     """
 
     result: Result
@@ -44,10 +44,9 @@ class Context:
     folder: Path | None = None
     fields: Fields | None = None
     shear: Shear | None = None
-    shown: Callable[[Result], None] | None = None
 
     def keep(self, result: Result) -> None:
-        """Take a result that has grown: write it and show it.
+        """Take a result that has grown, and write it.
 
         Raises:
             OutputError: a file cannot be written.
@@ -55,22 +54,14 @@ class Context:
         self.result = result
         if self.folder is not None:
             write_results(result, self.folder / "results.json")
-            write_csv(result, self.folder / "results.csv")
-        if self.shown is not None:
-            self.shown(result)
 
-    def take(self, check: Check) -> None:
-        """Make a check; what it finds, or why it failed, is written and shown."""
-        self.attempt(check.name, partial(check.make, self))
-        self.keep(self.result)
-
-    def attempt(self, part: str, work: Callable[[], Record | None]) -> None:
-        """Do what may fail alone (results/attempt.py); the result has the reason then."""
+    def do(self, part: str, work: Callable[[], Record | None]) -> None:
+        """Do what may fail alone (results/attempt.py); its record, or why it failed, is kept."""
         made = attempt(work)
         if isinstance(made, NotDone):
-            self.result = self.result.without(part, made.why)
+            self.keep(self.result.without(part, made.why))
         else:
-            self.result = self.result.with_record(part, made)
+            self.keep(self.result.with_record(part, made))
 
     def predicted(self) -> Fields:
         """The fields; a batch does not keep those of all its members."""
@@ -87,7 +78,7 @@ class Context:
             write_fields(fields, self.folder / "fields.h5")
 
     def draw_curve(self) -> None:
-        """Take the law over the range of I where grains shear, with its band."""
-        assert self.shear is not None
-        result = with_curve(self.result, self.case, self.shear)
-        self.result = with_free_band(result, self.case, self.run, self.place)
+        """Take the law over the range of I where grains shear, with its band, if fields show it."""
+        if self.shear is not None:
+            result = with_curve(self.result, self.case, self.shear)
+            self.result = with_free_band(result, self.case, self.run, self.place)

@@ -6,15 +6,11 @@ and the constants to evaluate both. Reading it executes no code.
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy.typing as npt
-import safetensors.torch as safetensors
 import torch
-from safetensors import SafetensorError
 
 from granpinn.arrays import Float32, plain_array
 from granpinn.data import Flow
@@ -29,14 +25,12 @@ from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS
 from granpinn.physics.scales import Scales
 from granpinn.regular import UnsafeFileError, read_regular_file
-from granpinn.results.decoding import decode, encode
 from granpinn.results.fields import Units
+from granpinn.training.tensor_file import packed, unpacked
 
 FILE = "network.safetensors"
-FORMAT_NAME = "granpinn-network"
-FORMAT_VERSION = 1
+FORMAT = "granpinn-network", 2  # name and version
 MAX_BYTES = 2**30
-LENGTH = 8  # bytes at the start of a safetensors file: the length of its JSON header
 
 
 class NetworkFileError(BadInput):
@@ -89,45 +83,37 @@ class TrainedNetwork:
 
 
 @dataclass(frozen=True)
-class _Header:
-    """The text of the file; numbers that may be infinite are in its tensors."""
+class _Record:
+    """What is no tensor; the constants may be infinite, so their values are one."""
 
     law: str
     form: str
     widths: tuple[int, ...]
+    input_shift: tuple[float, float, float]
+    input_scale: tuple[float, float, float]
     constants: tuple[str, ...]
-    scales: dict[str, float]
-    origin: tuple[float, float, float]
-    axes: dict[str, float]
-    gravity: tuple[float, float]
-    units: dict[str, str]
+    scales: Scales
+    axes: Axes
+    units: Units
 
 
 def write_network(network: TrainedNetwork, path: str | Path) -> None:
     """Write network.safetensors; OutputError if it cannot be written."""
-    model = network.model
-    scales = asdict(model.scales)
-    header = _Header(
+    model, spec = network.model, network.model.spec
+    record = _Record(
         law=model.law.name,
-        form=model.spec.form,
-        widths=model.spec.widths,
+        form=spec.form,
+        widths=spec.widths,
+        input_shift=spec.input_shift,  # type: ignore[arg-type]  # of one network, no tensor
+        input_scale=spec.input_scale,  # type: ignore[arg-type]
         constants=Physics._fields,
-        origin=scales.pop("origin"),
-        scales=scales,
-        axes={"cos": network.axes.cos, "sin": network.axes.sin},
-        gravity=network.axes.gravity,
-        units={name: unit for name, unit in asdict(network.units).items() if unit is not None},
+        scales=model.scales,
+        axes=network.axes,
+        units=network.units,
     )
-    head = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION}
-    text = json.dumps(head | encode(header), allow_nan=False)
-    numbers = {
-        "physics": tuple(model.physics),
-        "input_shift": model.spec.input_shift,
-        "input_scale": model.spec.input_scale,
-    }
-    tensors = {name: torch.tensor(v, dtype=torch.float64) for name, v in numbers.items()}
-    tensors |= {"params": model.params.contiguous(), "theta": model.theta.contiguous()}
-    write_bytes(path, safetensors.save(tensors, {"granpinn": text}))
+    physics = torch.tensor(model.physics, dtype=torch.float64)
+    tensors = {"physics": physics, "params": model.params, "theta": model.theta}
+    write_bytes(path, packed(*FORMAT, record, tensors))
 
 
 def read_network(path: str | Path) -> TrainedNetwork:
@@ -138,42 +124,28 @@ def read_network(path: str | Path) -> TrainedNetwork:
     except UnsafeFileError as error:
         raise NetworkFileError(f"{path}: {error}") from None
     try:
-        return _decoded(content)
-    except (SafetensorError, ValueError, TypeError, LookupError, RecursionError) as error:
+        return _unpacked(content)
+    except (ValueError, TypeError, LookupError) as error:
         reason = " ".join(str(error).split())[:160]
         raise NetworkFileError(
-            f"{path} cannot be read as {FORMAT_NAME} ({reason}): take the file of the run again"
+            f"{path} cannot be read as {FORMAT[0]} ({reason}): take the file of the run again"
         ) from None
 
 
-def _decoded(content: bytes) -> TrainedNetwork:
-    length = int.from_bytes(content[:LENGTH], "little")
-    head: Any = json.loads(content[LENGTH : LENGTH + length])
-    named: Any = json.loads(head["__metadata__"]["granpinn"])
-    if not isinstance(named, dict):
-        raise ValueError(f"expected an object, got {type(named).__name__}")
-    found = named.pop("format_name", None), named.pop("format_version", None)
-    if found != (FORMAT_NAME, FORMAT_VERSION):
-        raise ValueError(f"expected version {FORMAT_VERSION}, got {found[0]} version {found[1]}")
-    header = decode(_Header, named)
-    if header.law not in LAWS:
-        raise ValueError(f"the law {header.law} is not known: granpinn.laws.register adds it")
-    if header.constants != Physics._fields:
+def _unpacked(content: bytes) -> TrainedNetwork:
+    record, tensors = unpacked(content, *FORMAT, _Record)
+    if record.law not in LAWS:
+        raise ValueError(f"the law {record.law} is not known: granpinn.laws.register adds it")
+    if record.constants != Physics._fields:
         raise ValueError("another version of granpinn wrote it")
-    tensors = safetensors.load(content)
-    shift, scale, physics = (
-        tuple(tensors[name].tolist()) for name in ("input_shift", "input_scale", "physics")
-    )
-    spec = NetworkSpec(header.widths, shift, scale, header.form)
-    params, theta, law = tensors["params"], tensors["theta"], LAWS[header.law]
-    fits = params.shape == (spec.n_params,) and theta.shape == (len(law.names),)
-    if not (fits and len(shift) == len(scale) == 3):
+    spec = NetworkSpec(record.widths, record.input_shift, record.input_scale, record.form)
+    params, theta, law = tensors["params"], tensors["theta"], LAWS[record.law]
+    if params.shape != (spec.n_params,) or theta.shape != (len(law.names),):
         raise ValueError(f"params {list(params.shape)} and theta {list(theta.shape)} do not fit")
     if not (torch.isfinite(params).all() and torch.isfinite(theta).all()):
         raise ValueError("it holds a NaN or an infinity")
     if params.dtype != theta.dtype or params.dtype not in (torch.float32, torch.float64):
         raise ValueError(f"params must be float32 or float64 like theta, got {params.dtype}")
-    scales = Scales(**header.scales, origin=header.origin)
-    model = Model(spec, Physics(*physics), params, theta, scales, law)
-    axes = Axes(**header.axes, gravity=header.gravity)
-    return TrainedNetwork(model, axes, Units(**header.units))
+    physics = Physics(*tensors["physics"].tolist())
+    model = Model(spec, physics, params, theta, record.scales, law)
+    return TrainedNetwork(model, record.axes, record.units)

@@ -13,6 +13,7 @@ The points where grains shear show the law, and give it over their I.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple, get_args
 
 import numpy as np
@@ -34,7 +35,7 @@ from granpinn.physics.scales import Quantity, Scales
 from granpinn.results import Fields, Result
 from granpinn.results.fields import D2_STAGNANT, VARIABLES, Units, shearing
 from granpinn.training.operators import operators_of
-from granpinn.uncertainty.determined import applied, determined, percentiles, unfixed
+from granpinn.uncertainty.determined import applied, determined, percentiles
 from granpinn.uncertainty.determined import with_curve as curve_over
 
 CHUNK = 32768  # points per evaluation: bounds the memory and leaves the values as they are
@@ -228,7 +229,9 @@ def with_curve(result: Result, case: Case, shear: Shear) -> Result:
     """
     reason = undetermined(case.seen, case.config.level)
     if reason is not None:
-        result = applied(result, unfixed(result, shear.I, reason))
-    elif (found := determined(result, shear.I)) is not None:
-        result = applied(result, found)
+        lost = dict.fromkeys(result.friction_law.free, reason)
+        result = dataclasses.replace(result, no_law=reason)
+    else:
+        lost = determined(result, shear.I)
+    result = applied(result, lost)
     return curve_over(result, shear.I, shear.ratio)

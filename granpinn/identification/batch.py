@@ -18,10 +18,10 @@ from granpinn.fit.case import Case, fixed_values, posed, sound
 from granpinn.identification.identified import Identification
 from granpinn.identification.run import run
 from granpinn.identification.start import folder_of, prepare
+from granpinn.kernels.builds import choose_device
 from granpinn.output import owned
 from granpinn.physics.laws import LAWS
 from granpinn.simulation.threads import beside_gpu
-from granpinn.training.device import choose_device
 from granpinn.training.progress import Progress
 
 FlowLike = Flow | str | os.PathLike[str]

@@ -23,12 +23,11 @@ from granpinn.results import (
     Result,
     read_fields,
     read_results,
-    write_csv,
     write_fields,
     write_results,
 )
-from granpinn.results.dataset import fields_dataset
-from granpinn.training.history import History, Row, read_history
+from granpinn.results.fields import fields_dataset
+from granpinn.training.history import History, read_history, row_of
 
 if TYPE_CHECKING:
     from granpinn.figures.plots import Plots
@@ -136,10 +135,9 @@ class Identification(Result):
         write_network(network, path / FILE)
         write_fields(fields, path / "fields.h5")
         table = History(path / "history.csv", self.friction_law)
-        table.begin(Row.of(self.friction_law, row) for row in zip(*history.values(), strict=True))
+        table.begin(row_of(self.friction_law, row) for row in zip(*history.values(), strict=True))
         table.flush()
         table.close()
-        write_csv(self, path / "results.csv")
         write_results(self, path / "results.json")
         return path
 

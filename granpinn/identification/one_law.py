@@ -5,9 +5,8 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from granpinn.checks import shared_law
 from granpinn.config import Config, ConfigError
@@ -26,7 +25,6 @@ from granpinn.results import (
     Parameter,
     Parameters,
     Result,
-    write_csv,
     write_results,
 )
 from granpinn.results.identified_law import IdentifiedLaw
@@ -44,7 +42,6 @@ def identify_one_law(
     config: Config,
     folder: Path | None,
     progress: Progress | None,
-    on_values: Callable[[Result], Any] | None,
     begin: float,
 ) -> Identification:
     """The law of all flows, trained side by side; arguments and errors as of `identify`.
@@ -67,9 +64,6 @@ def identify_one_law(
         found = one_law(each)
         if folder is not None:
             write_results(found, folder / "results.json")
-            write_csv(found, folder / "results.csv")
-        if on_values is not None:
-            on_values(found)
         return Identification.of(found, folder, each=tuple(each))
 
 
@@ -118,7 +112,7 @@ def one_law(results: Sequence[Result]) -> Identification:
         truth=truth,
         error_percent=ErrorPercent(errors),
         residuals=None,
-        determined=None,
+        no_law=None,
         law=IdentifiedLaw(first.law.name, reason=law.reason),
         assumptions=tuple(
             _of_all(a, r, law, f) for f, r in enumerate(results) for a in r.assumptions
@@ -129,9 +123,7 @@ def one_law(results: Sequence[Result]) -> Identification:
     )
     ranges = [r.law.I_range for r in results if r.law.I_range is not None]
     low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
-    if any(r.determined for r in results):
-        found = determined_over(result, (low, high), ranges)
-        result = result if found is None else applied(result, found)
+    result = applied(result, determined_over(result, (low, high), ranges))
     return Identification.of(over(result, (low, high)))
 
 

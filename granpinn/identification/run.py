@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import dataclasses
+from collections.abc import Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from granpinn.checks import momentum_balance
-from granpinn.checks.comparison_of_laws import companions
+from granpinn.checks.comparison_of_laws import companions, places
 from granpinn.config import Config
+from granpinn.fit import assumptions, ensemble, prediction
 from granpinn.fit.case import Case, members
-from granpinn.fit.context import Context
-from granpinn.identification import answer
+from granpinn.fit.context import ASSUMPTIONS, CURVE, FIELDS, Context
+from granpinn.fit.network import FILE, TrainedNetwork, write_network
 from granpinn.identification.identified import Identification
 from granpinn.identification.start import CHECKS, ERROR_BARS, start
-from granpinn.results import Result
-from granpinn.results.record import Check
+from granpinn.results.attempt import PENDING, NotDone, attempt
+from granpinn.results.record import NONE, Check
 from granpinn.simulation.threads import beside_gpu, threads
 from granpinn.training.guard import NonFiniteError
+from granpinn.training.history import History
+from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Progress
+
+LEFT_OUT = "--checks none leaves it out"
 
 
 def run(
@@ -35,7 +42,6 @@ def run(
     device: torch.device,
     *,
     alone: bool = False,
-    on_values: Callable[[Result], Any] | None = None,
 ) -> list[Identification]:
     """Train the ensembles of cases as one batch, and make the results and their checks.
 
@@ -43,7 +49,6 @@ def run(
         folder: of the checkpoints.
         parts: where the results of each case are written.
         alone: there is one case, whose failure raises NonFiniteError; others leave a `failure`.
-        on_values: as in `identify`.
 
     Raises:
         NonFiniteError: the one case diverged.
@@ -53,8 +58,8 @@ def run(
     others = [companions(case) for case in cases]
     behind = [len(every) + sum(map(len, others[:e])) for e in range(len(cases))]
     everyone = [*every, *(other for own in others for other in own)]
-    places = [place for part in parts for place in (part, *[None] * (K - 1))]
-    places += [None] * (len(everyone) - len(places))
+    homes = [place for part in parts for place in (part, *[None] * (K - 1))]
+    homes += [None] * (len(everyone) - len(homes))
     with ExitStack() as at_end:
         loop = start(
             everyone,
@@ -63,7 +68,7 @@ def run(
             progress,
             begin,
             device,
-            None if alone and len(everyone) == 1 else places,
+            None if alone and len(everyone) == 1 else homes,
             checks,
             len(cases),
         )
@@ -79,28 +84,92 @@ def run(
             raise NonFiniteError(loop.trainer.diverged[0])
 
         def valued(e: int) -> Context:
-            context = answer.valued(
-                every[e * K : (e + 1) * K],
-                loop,
-                e * K,
-                checks,
-                parts[e],
-                behind[e],
-            )
-            answer.with_fields(context)
+            own = slice(e * K, (e + 1) * K)
+            context = with_values(every[own], loop, e * K, checks, parts[e], behind[e])
+            context.do(FIELDS, context.predict)
             if not alone:
                 context.fields = None  # those of all cases would not fit into memory
             return context
 
         loop.progress.stage(ERROR_BARS)
         contexts = beside_gpu(valued, range(len(cases)), on_gpu)
-        answer.with_intervals(contexts, loop)
+        with_intervals(contexts, loop)
         loop.progress.stage(CHECKS)
 
         def finished(context: Context) -> Identification:
-            answer.with_curve(context, on_values)
+            context.do(CURVE, context.draw_curve)
             for check in checks:
-                context.take(check)
-            return answer.kept(context)
+                context.do(check.name, partial(check.make, context))
+            return kept(context)
 
         return beside_gpu(finished, contexts, on_gpu)
+
+
+def with_values(
+    cases: Sequence[Case],
+    run: TrainingLoop,
+    first: int,
+    checks: Sequence[Check],
+    folder: Path | None,
+    others: int,
+) -> Context:
+    """The fit of an ensemble, the members of the run from `first` on, with its values on the disk.
+
+    What follows the values can fail without harm to them. In the file it is "not done" until then.
+
+    Args:
+        others: place of the first companion of these cases (checks/comparison_of_laws.py).
+    """
+    members, place = ensemble.members_of(cases, run, first)
+    case, e = cases[place], first + place
+    model = ensemble.model_of(case, run.trainer, e)
+    uncertain = () if e in run.trainer.diverged else assumptions.assumptions_of(case)
+    left_out = case.config.checks == NONE
+    unknown = tuple(a.without_effect(LEFT_OUT if left_out else PENDING) for a in uncertain)
+    uncertain = () if left_out else uncertain
+    later = [
+        FIELDS,
+        CURVE,
+        *(check.name for check in checks),
+        *([ASSUMPTIONS] if uncertain else []),
+    ]
+    result = ensemble.result(case, run, e, members, model, unknown)
+    result = dataclasses.replace(result, not_done=dict.fromkeys(later, PENDING))
+    of_laws = places(case, e, others)
+    context = Context(result, case, model, run, e, uncertain, of_laws, folder)
+    context.keep(result)
+    if folder is not None:
+        write_network(TrainedNetwork.of(model, case.flow), folder / FILE)
+        if place > 0:  # until now the history is that of the first member
+            shown = History(folder / "history.csv", case.member.law)
+            shown.begin(run.histories[e].rows)
+            shown.close()
+    return context
+
+
+def with_intervals(contexts: Sequence[Context], run: TrainingLoop) -> None:
+    """Find the effects of uncertain assumptions, and with them the intervals, as one batch."""
+    asked = {c.place: c.uncertain for c in contexts if c.uncertain}
+    found = attempt(lambda: assumptions.trained(asked, run)) if asked else {}
+    for context in contexts:
+        if not context.uncertain:
+            continue
+        if isinstance(found, NotDone):
+            effects = tuple(a.without_effect(found.why) for a in context.uncertain)
+            result = context.result.without(ASSUMPTIONS, found.why)
+        else:
+            effects = found[context.place]
+            result = context.result.with_record(ASSUMPTIONS, None)
+        context.keep(ensemble.with_assumptions(result, context.case, effects))
+
+
+def kept(context: Context) -> Identification:
+    """The result with its network, fields and history: those of its folder, else in memory."""
+    case, model = context.case, context.model
+    known: dict[str, Any] = {} if context.fields is None else {"grid": context.fields}
+    if context.folder is not None:
+        return Identification.of(context.result, context.folder, **known)
+    known["network"] = TrainedNetwork.of(model, case.flow)
+    known["history"] = context.run.histories[context.place].columns
+    predict = partial(prediction.predict, case.flow, model)
+    return Identification.of(context.result, predict=predict, **known)

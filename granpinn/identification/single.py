@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from granpinn.checks import wanted
@@ -17,11 +17,10 @@ from granpinn.identification.identified import Identification
 from granpinn.identification.one_law import identify_one_law
 from granpinn.identification.run import run
 from granpinn.identification.start import folder_of, prepare
+from granpinn.kernels.builds import choose_device
 from granpinn.laws import register
 from granpinn.output import owned
 from granpinn.physics.laws import FrictionLaw
-from granpinn.results import Result
-from granpinn.training.device import choose_device
 from granpinn.training.progress import Progress
 
 
@@ -34,7 +33,6 @@ def identify(
     progress: Progress | None = None,
     law: FrictionLaw | str | None = None,
     one_law: bool = False,
-    on_values: Callable[[Result], Any] | None = None,
     reserve: float = 0.0,
     **settings: Any,
 ) -> Identification:
@@ -53,8 +51,6 @@ def identify(
             settings.
         one_law: identify one friction law of several flows of one material. The result has this law
             and, in `flows`, what each flow is; its `each` has the fit of every flow.
-        on_values: called with the result once its values and intervals are known, and after each
-            check.
         reserve: seconds of `max_time` that are over, or that the caller needs afterwards.
 
     Returns:
@@ -78,7 +74,7 @@ def identify(
                 "of all, or identify each with identify_many"
             )
         if len(flow) > 1:
-            return identify_one_law(flow, config, folder, progress, on_values, begin)
+            return identify_one_law(flow, config, folder, progress, begin)
         flow = flow[0]
     checks, case = wanted(config), pose(flow, config)
     with owned(folder):
@@ -94,6 +90,5 @@ def identify(
             begin,
             choose_device(config.device),
             alone=True,
-            on_values=on_values,
         )
         return found

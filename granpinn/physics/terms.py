@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from granpinn.physics.scales import Quantity
 
@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 Form = Literal["mixed", "strong"]  # residual: stress as an unknown, or the paper's
-FORMS: tuple[Form, ...] = get_args(Form)
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,14 @@ The page lists what is missing.
 from __future__ import annotations
 
 import base64
-import unicodedata
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from granpinn.declared import checked
 from granpinn.figures import album, maps
@@ -28,7 +28,6 @@ from granpinn.results import (
     number,
     read_fields,
     read_results,
-    write_csv,
 )
 from granpinn.results.assessment import reach_of
 from granpinn.results.result import in_words, percent, true_friction
@@ -38,6 +37,7 @@ from granpinn.training.progress import duration
 TEMPLATES = Path(__file__).parent / "templates"
 ANSWER = ("friction_law", "pressure")  # the figures directly under the numbers
 SYMBOLS = {"mu(I)": "μ(I)", "mu_s": "μₛ", "mu_2": "μ₂", "I0": "I₀", "+-": "±"}
+LETTERS = {r"\mu": "μ", r"\alpha": "α", r"\infty": "∞"}  # of the symbols of laws
 # Settings that name folders of one machine; the page omits them.
 OWN_PLACE = ("flow", "further_flows", "out")
 
@@ -58,7 +58,6 @@ def build(run_dir: str | Path, time: float | None = None, fields: Fields | None 
     figures = folder / "figures"
     source, problems = read(folder, time, fields)
     pictures, missing = album.draw_all(source, figures)
-    write_csv(source.result, folder / "results.csv")
     page = folder / "report.html"
     write_text(page, render(source.result, pictures, missing, problems))
     return page
@@ -130,10 +129,13 @@ def template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
     return templates.get_template(name)
 
 
-def symbol(text: str) -> Markup:
-    """The symbol of a parameter, such as "μₛ", with a subscript tag, which is easier to read."""
-    index = escape(unicodedata.normalize("NFKD", text[1:]))
-    return Markup("<i>{}</i><sub>{}</sub>").format(text[:1], index)
+def symbol(latex: str) -> Markup:
+    r"""A symbol of a law, such as \mu_s, in HTML."""
+    base, *index = re.split(r"(?<!\\)_", re.sub(r"\\mathrm\{(.*)\}", r"\1", latex), maxsplit=1)
+    for command, letter in LETTERS.items():
+        base, index = (base.replace(command, letter), [i.replace(command, letter) for i in index])
+    parts = (part.replace("\\", "") for part in (base, *index))
+    return Markup("<i>{}</i><sub>{}</sub>" if index else "<i>{}</i>").format(*parts)
 
 
 def in_symbols(text: str) -> str:

@@ -1,9 +1,9 @@
-"""The result of a run and its files results.json, results.csv and fields.h5.
+"""The result of a run and its files results.json and fields.h5.
 
 In reading order: parameters (of a law, with their errors, and what a narrow range of I leaves),
 records (data, training, ensemble, error bars), identified_law (its curve over the I of the
 data), record (what a check leaves), assessment (may the numbers be used?), result (all of it),
-results_file (results.json and results.csv), decoding (the JSON), attempt (parts that may fail
+results_file (results.json), decoding (the JSON), attempt (parts that may fail
 alone), fields (and which of their points flow).
 """
 
@@ -18,7 +18,6 @@ from granpinn.results.results_file import (
     ResultsFileError,
     from_dict,
     read_results,
-    write_csv,
     write_results,
 )
 
@@ -43,7 +42,6 @@ __all__ = [
     "read_fields",
     "read_results",
     "versions",
-    "write_csv",
     "write_fields",
     "write_results",
 ]

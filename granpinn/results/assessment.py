@@ -9,13 +9,12 @@ speak for it. No other place judges.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from granpinn.physics.laws import mu_of_i
 from granpinn.results.parameters import NOT_DETERMINED, USELESS, half_width, spans
-from granpinn.results.record import BAD, CARE, GOOD, IMPROBABLE, UNUSUAL
+from granpinn.results.record import BAD, CARE, GOOD, IMPROBABLE, UNUSUAL, Reason
 
 if TYPE_CHECKING:
     from granpinn.results.result import Result
@@ -53,12 +52,43 @@ class Assessment:
 def assess(result: Result) -> Assessment:
     """The assessment of a result: every condition that holds for it, and what its checks say."""
     checks = [reason for record in result.checks.values() for reason in record.reasons(result)]
-    found = [(r.grade, r.sentence) for r in checks if r.grade == BAD]  # what they exclude is first
-    found += [(c.grade, said) for c in CONDITIONS if (said := c.said(result)) is not None]
-    found += [(r.grade, r.sentence) for r in checks if r.grade != BAD]
-    found.sort(key=lambda pair: GRADES.index(pair[0]))
-    grade = found[0][0] if found else CARE
-    return Assessment(grade, HEADLINES[grade], tuple(said for _, said in found))
+    found = [reason for reason in checks if reason.grade == BAD]  # what they exclude is first
+    found += conditions(result)
+    found += [reason for reason in checks if reason.grade != BAD]
+    found.sort(key=lambda reason: GRADES.index(reason.grade))
+    grade = found[0].grade if found else CARE
+    return Assessment(grade, HEADLINES[grade], tuple(reason.sentence for reason in found))
+
+
+def conditions(r: Result) -> list[Reason]:
+    """The conditions that hold for a result, in the order of their grades' reasons."""
+    found: list[Reason] = []
+
+    def hold(grade: str, sentence: str) -> None:
+        found.append(Reason(grade, sentence))
+
+    diverged = r.failure is not None or r.stopped == "diverged"
+    if diverged:
+        hold(BAD, f"The training diverged: {r.failure or 'its last good state is shown'}.")
+    if r.no_law is not None:
+        hold(BAD, f"No friction coefficient is determined: {r.no_law}.")
+    found += _of_data(r, IMPROBABLE, BAD)
+    balance, width = _balance(r), _width(r)
+    if balance is not None and balance.grade == BAD and r.timing.steps < SETTLED:
+        found.append(balance)  # a short training explains a wide interval
+        balance = None
+    if width is not None:
+        found.append(width)
+    elif not diverged and r.no_law is None:
+        hold(CARE, f"The errors are not known: {r.law.reason or 'none were estimated'}.")
+    if (reach := reach_of(r)) is not None:  # no fault of mu(I)
+        words = r.parameters["mu_2"].words
+        hold(GOOD, f"mu_2, {words}, is extrapolated: the flow reaches {reach:.2g} I0.")
+    found += [] if balance is None else [balance]
+    if r.error_bars is not None and r.error_bars.outside:
+        hold(CARE, f"The error bars are not tested here: {'; '.join(r.error_bars.outside)}.")
+    found += _of_data(r, UNUSUAL, CARE)
+    return found + _fit(r)
 
 
 def evidence(r: Result) -> str:
@@ -69,137 +99,84 @@ def evidence(r: Result) -> str:
     assessment = assess(r)
     if assessment.grade != GOOD:
         return assessment.reasons[0].removesuffix(".") if assessment.reasons else "nothing is known"
+    balance = _balance(r)
+    tested = [] if balance is None else [balance]
     checks = [reason for record in r.checks.values() for reason in record.reasons(r)]
-    tested = [
-        balanced(r),
-        *(reason.sentence for reason in checks if reason.grade == GOOD),
-        fitted(r),
-    ]
-    claims = [said.partition(":")[0].removesuffix(".") for said in tested if said is not None]
-    claims = claims or [said.removesuffix(".") for said in assessment.reasons[:1]]
+    tested += [*(reason for reason in checks if reason.grade == GOOD), *_fit(r)]
+    sentences = [reason.sentence for reason in tested] or assessment.reasons[:1]
+    claims = [said.partition(":")[0].removesuffix(".") for said in sentences]
     return "; ".join(claim[0].lower() + claim[1:] for claim in claims)
 
 
-def diverged(r: Result) -> str | None:
-    if r.failure is None and r.stopped != "diverged":
+def _of_data(r: Result, slip: str, grade: str) -> list[Reason]:
+    """The likely mistakes in the flow file, and what limits the flows of one law, of a grade."""
+    slips = [found.sentence for found in r.data.slips if found.grade == slip]
+    flows = [
+        f"{flow.input.name}: {flow.assessment.reasons[0]}"
+        for flow in r.flows
+        if flow.assessment.grade == grade and flow.assessment.reasons
+    ]
+    found = [f"The data are {slip}: {'; '.join(slips)}."] if slips else []
+    return [Reason(grade, said) for said in [*found, *([" ".join(flows)] if flows else [])]]
+
+
+def _balance(r: Result) -> Reason | None:
+    """Whether the equations hold: the residual falls in proportion to the steps.
+
+    Data contradict the law only in the default recipe; others are not tested.
+    """
+    momentum = None if r.residuals is None else r.residuals.get("momentum")
+    if momentum is None:
         return None
-    return f"The training diverged: {r.failure or 'its last good state is shown'}."
-
-
-def undetermined(r: Result) -> str | None:
-    if r.determined is None or r.determined.reason is None:
-        return None
-    return f"No friction coefficient is determined: {r.determined.reason}."
-
-
-def slips(grade: str) -> Callable[[Result], str | None]:
-    """The likely mistakes of a grade in the flow file."""
-
-    def said(r: Result) -> str | None:
-        found = [slip.sentence for slip in r.data.slips if slip.grade == grade]
-        return f"The data are {grade}: {'; '.join(found)}." if found else None
-
-    return said
-
-
-def of_flows(grade: str) -> Callable[[Result], str | None]:
-    """What limits the flows of one law that have a grade."""
-
-    def said(r: Result) -> str | None:
-        found = [
-            f"{flow.input.name}: {flow.assessment.reasons[0]}"
-            for flow in r.flows
-            if flow.assessment.grade == grade and flow.assessment.reasons
-        ]
-        return " ".join(found) or None
-
-    return said
-
-
-def unsettled(r: Result) -> str | None:
-    """Equations that do not hold yet: their residual falls in proportion to the steps."""
-    momentum = _momentum(r)
-    if momentum is None or momentum <= UNBALANCED or r.timing.steps >= SETTLED:
-        return None
-    return f"The training has not settled: {_forces(momentum)}. {_longer(r, momentum / AFTER_1000)}"
-
-
-def contradicted(r: Result) -> str | None:
-    """Equations that do not hold in the default recipe; others are not tested."""
-    momentum = _momentum(r)
-    if momentum is None or momentum <= CONTRADICTED or r.timing.steps < SETTLED:
-        return None
-    if r.error_bars is None:
-        return None
-    return (
-        f"The data contradict the law: {_forces(momentum)}, and in flows that follow it by less "
-        f"than {UNBALANCED:.0%}."
+    forces = (
+        f"the forces of the fit are out of balance by {momentum:.2g} of the weight of the grains"
+    )
+    if momentum <= UNBALANCED:
+        return Reason(GOOD, f"The equations hold: {forces}, as in simulated flows.")
+    if r.timing.steps < SETTLED:
+        longer = _longer(r, momentum / AFTER_1000)
+        return Reason(BAD, f"The training has not settled: {forces}. {longer}")
+    if momentum > CONTRADICTED and r.error_bars is not None:
+        return Reason(
+            BAD,
+            f"The data contradict the law: {forces}, and in flows that follow it by less than "
+            f"{UNBALANCED:.0%}.",
+        )
+    return Reason(
+        CARE,
+        f"The equations hold less well than in simulated flows: {forces}, and there by less than "
+        f"{UNBALANCED:.0%}.",
     )
 
 
-def unbalanced(r: Result) -> str | None:
-    momentum = _momentum(r)
-    if momentum is None or momentum <= UNBALANCED or contradicted(r) or unsettled(r):
-        return None
-    return (
-        f"The equations hold less well than in simulated flows: {_forces(momentum)}, and there by "
-        f"less than {UNBALANCED:.0%}."
-    )
-
-
-def balanced(r: Result) -> str | None:
-    momentum = _momentum(r)
-    if momentum is None or momentum > UNBALANCED:
-        return None
-    return f"The equations hold: {_forces(momentum)}, as in simulated flows."
-
-
-def fitted(r: Result) -> str | None:
+def _fit(r: Result) -> list[Reason]:
     """How well the velocity fits; noise of the vectors is no misfit."""
     if r.residuals is None:
-        return None
+        return []
     misfit, noise = r.residuals.velocity, r.residuals.noise or r.data.measured_noise or 0.0
     words = f"The velocity fits the vectors to {100 * misfit:.2g} %"
-    return f"{words}, with noise of {100 * noise:.2g} %." if noise > misfit / 2 else f"{words}."
+    words += f", with noise of {100 * noise:.2g} %." if noise > misfit / 2 else "."
+    return [Reason(GOOD, words)]
 
 
-def _momentum(r: Result) -> float | None:
-    return None if r.residuals is None else r.residuals.get("momentum")
-
-
-def _forces(momentum: float) -> str:
-    return f"the forces of the fit are out of balance by {momentum:.2g} of the weight of the grains"
-
-
-def useless(r: Result) -> str | None:
-    found = _widest(r)
-    if found is None or found.half <= USELESS:
+def _width(r: Result) -> Reason | None:
+    """What the widest interval says; None without any."""
+    half, words = max(_widths(r), key=lambda pair: pair[0], default=(0.0, None))
+    if words is None:
         return None
+    if half <= USELESS:
+        return Reason(CARE if half > WIDE else GOOD, f"{words}.")
     if r.timing.steps >= SETTLED:
-        return f"{found.words}; these data do not tell more."
-    return f"{found.words}. {_longer(r, found.half / WIDE)}"
+        return Reason(BAD, f"{words}; these data do not tell more.")
+    return Reason(BAD, f"{words}. {_longer(r, half / WIDE)}")
 
 
-def wide(r: Result) -> str | None:
-    found = _widest(r)
-    return f"{found.words}." if found is not None and WIDE < found.half <= USELESS else None
+def _widths(r: Result) -> list[tuple[float, str]]:
+    """Halves of 90 % intervals, of the logarithm, and what they say in words.
 
-
-def known(r: Result) -> str | None:
-    found = _widest(r)
-    return f"{found.words}." if found is not None and found.half <= WIDE else None
-
-
-class Width(NamedTuple):
-    """Half of the widest 90 % interval, of the logarithm, and what it says in words."""
-
-    half: float
-    words: str
-
-
-def _widest(r: Result) -> Width | None:
-    """Of mu(I) over the I of the data. Where it is wide, or has no band, those of the parameters
-    count as well. None without any interval."""
+    Of mu(I) over the I of the data. Where it is wide, or has no band, those of the parameters count
+    as well.
+    """
     found, curve = [], r.law.curve
     if curve is not None and curve.low is not None and curve.high is not None:
         halves = [*map(half_width, zip(curve.low, curve.high, strict=True))]
@@ -211,18 +188,18 @@ def _widest(r: Result) -> Width | None:
         if half > USELESS:
             at = f"I = {curve.I[halves.index(half)]:.2g}"
             words = f"mu(I) is {NOT_DETERMINED} at {at}: {spans(half)}"
-        found.append(Width(half, words))
+        found.append((half, words))
         if half <= WIDE:
-            return found[0]
+            return found
     for name, p in r.parameters.items():
-        if p.interval_90 is not None:
-            half = half_width(p.interval_90)
-            found.append(Width(half, f"{name} is known to {_words(half)}: {p.words} (90 %)"))
-    if r.determined is not None and r.determined.raw_interval_90 is not None:
-        for name in r.determined.wide:
-            half = half_width(r.determined.raw_interval_90[name])
-            found.append(Width(half, f"{name} is {NOT_DETERMINED}: {r.determined.why(name)}"))
-    return max(found, key=lambda width: width.half, default=None)
+        if p.interval_90 is None:
+            continue
+        half = half_width(p.interval_90)
+        if p.determined:
+            found.append((half, f"{name} is known to {_words(half)}: {p.words} (90 %)"))
+        elif p.undetermined == spans(half):
+            found.append((half, f"{name} is {NOT_DETERMINED}: {p.undetermined}"))
+    return found
 
 
 def _words(half: float) -> str:
@@ -235,57 +212,9 @@ def _longer(r: Result, times: float) -> str:
     return f"Train longer: about {steps:,} steps in place of {r.timing.steps:,}."
 
 
-def without_errors(r: Result) -> str | None:
-    if _widest(r) is not None or diverged(r) or undetermined(r):
-        return None
-    return f"The errors are not known: {r.law.reason or 'none were estimated'}."
-
-
-def untested(r: Result) -> str | None:
-    if r.error_bars is None or not r.error_bars.outside:
-        return None
-    return f"The error bars are not tested here: {'; '.join(r.error_bars.outside)}."
-
-
-def extrapolated(r: Result) -> str | None:
-    """mu_2 beyond the I of the data: no fault of mu(I)."""
-    if (reach := reach_of(r)) is None:
-        return None
-    words = r.parameters["mu_2"].words
-    return f"mu_2, {words}, is extrapolated: the flow reaches {reach:.2g} I0."
-
-
 def reach_of(r: Result) -> float | None:
     """The largest I of the data over I0, where mu_2 is extrapolated; else None."""
     if r.law.name != mu_of_i.LAW.name or r.law.I_range is None:
         return None
     mu_2, reach = r.parameters["mu_2"], r.law.I_range[1] / r.parameters["I0"].value
     return None if mu_2.fixed or not mu_2.determined or reach >= 1 else reach
-
-
-class Condition(NamedTuple):
-    """The sentence of a condition for a result, None where it does not hold."""
-
-    grade: str
-    said: Callable[[Result], str | None]
-
-
-CONDITIONS = (
-    Condition(BAD, diverged),
-    Condition(BAD, undetermined),
-    Condition(BAD, slips(IMPROBABLE)),
-    Condition(BAD, of_flows(BAD)),
-    Condition(BAD, unsettled),
-    Condition(BAD, useless),
-    Condition(BAD, contradicted),
-    Condition(CARE, wide),
-    Condition(CARE, without_errors),
-    Condition(CARE, unbalanced),
-    Condition(CARE, untested),
-    Condition(CARE, slips(UNUSUAL)),
-    Condition(CARE, of_flows(CARE)),
-    Condition(GOOD, known),
-    Condition(GOOD, extrapolated),
-    Condition(GOOD, balanced),
-    Condition(GOOD, fitted),
-)

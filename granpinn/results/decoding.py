@@ -117,6 +117,16 @@ def _record(kind: Any) -> Callable[..., Any]:
     return _typed(dict, "an object", make_dict_structure_fn(kind, CONVERTER))
 
 
+@CONVERTER.register_structure_hook_factory(lambda kind: _origin(kind) is typing.Literal)
+def _word(kind: Any) -> Callable[..., Any]:
+    def structure(value: Any, _: Any) -> Any:
+        if value not in (words := typing.get_args(kind)):
+            raise WrongTypeError(f"one of {', '.join(words)}", value)
+        return value
+
+    return structure
+
+
 @CONVERTER.register_structure_hook_factory(lambda kind: _origin(kind) is dict)
 def _items(kind: Any) -> Callable[..., Any]:
     return _typed(dict, "an object", mapping_structure_factory(kind, CONVERTER))

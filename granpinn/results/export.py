@@ -61,7 +61,7 @@ def facts(result: Result) -> list[str]:
     lines = [f"granpinn: {law.title} of {' '.join(result.input.name.split())}"]
     lines.append(f"Assessment: {result.assessment}")
     lines += [f"{name} = {p.words}" for name, p in result.parameters.items()]
-    if any(p.interval_90 for p in result.parameters.values()):
+    if any(p.determined and p.interval_90 for p in result.parameters.values()):
         lines.append("In brackets: 90 % intervals.")
     if result.law.I_range is None:
         lines.append("The range of I of the data is not known.")
@@ -136,7 +136,7 @@ def _numbers(result: Result, to: str) -> dict[str, Any]:
 def _json(result: Result) -> str:
     names, data = result.friction_law.names, result.data
     parameters = {name: encode(p) for name, p in result.parameters.items()}
-    for lost in (p for p in parameters.values() if not p["determined"]):
+    for lost in (p for p in parameters.values() if p["undetermined"]):
         lost["value"] = None
     material = ("grain_diameter", "density", "grain_density", "length_unit", "density_unit")
     content = {
@@ -145,7 +145,6 @@ def _json(result: Result) -> str:
         "formula": result.friction_law.formula,
         "parameters": parameters,
         "I_range": result.law.I_range,
-        "determined": encode(result.determined),
         "material": {name: getattr(data, name) for name in material},
         "draws": dict(zip(names, draws_of(result).T.tolist(), strict=True)),
         "assessment": encode(result.assessment),

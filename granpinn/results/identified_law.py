@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.results.parameters import NOT_DETERMINED, USELESS, half_width
@@ -25,11 +24,6 @@ class Curve:
     mu: Numbers
     low: Numbers | None = None
     high: Numbers | None = None
-
-    def __post_init__(self) -> None:
-        if (self.low is None) != (self.high is None):
-            raise ValueError("low and high must be two lists, or both null")
-        _require_columns(self.I, self.low or self.mu, self.mu, self.high or self.mu)
 
     def band(self, k: int) -> str:
         """mu and its band at the point k, in words."""
@@ -69,9 +63,6 @@ class StressPoints:
     high: Numbers
     count: tuple[int, ...]
 
-    def __post_init__(self) -> None:
-        _require_columns(self.I, self.low, self.mu, self.high, self.count)
-
 
 @dataclass(frozen=True)
 class IdentifiedLaw:
@@ -103,20 +94,3 @@ class IdentifiedLaw:
         if self.curve.low is None:
             return f"{text}, 90 % band {NOT_DETERMINED}"
         return f"{text}, with the 90 % band"
-
-
-def _require_columns(
-    I: Numbers,
-    low: Numbers,
-    mu: Numbers,
-    high: Numbers,
-    *others: tuple[int, ...],
-) -> None:
-    lengths = [len(values) for values in (I, low, mu, high, *others)]
-    if len(set(lengths)) > 1 or not I:
-        raise ValueError(f"I, mu, low and high must have equally many values, got {lengths}")
-    if not I[0] > 0 or any(a > b for a, b in pairwise(I)):
-        raise ValueError("I must be positive and ascending")
-    for at, a, value, b in zip(I, low, mu, high, strict=True):
-        if not a <= value <= b:
-            raise ValueError(f"mu must be from low to high, got {a}, {value}, {b} at I = {at}")

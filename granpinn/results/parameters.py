@@ -86,75 +86,29 @@ def spans(half: float) -> str:
 
 
 @dataclass(frozen=True)
-class Determined:
-    """What the data determine (uncertainty/determined.py).
-
-    Attributes:
-        I_range: of the points that shear, 5th and 95th percentile; None without any.
-        lost: names of the parameters that are not determined. Each has `determined` = false and no
-            error bars in `parameters`.
-        wide: those of `lost` whose 90 % interval is wider than `USELESS`.
-        raw_interval_90: of the parameters in `lost` that had one.
-        reason: why no friction at any I is determined, in words (estimates/confined.py).
-    """
-
-    I_range: tuple[float, float] | None
-    lost: tuple[str, ...] = ()
-    wide: tuple[str, ...] = ()
-    raw_interval_90: dict[str, tuple[float, float]] | None = None
-    reason: str | None = None
-
-    def why(self, name: str) -> str:
-        """Why a parameter in `lost` is not determined."""
-        if self.reason is not None:
-            return self.reason
-        if name in self.wide and self.raw_interval_90 is not None:
-            return spans(half_width(self.raw_interval_90[name]))
-        low, high = self.I_range or (0.0, 0.0)
-        return f"the grains shear at I = {low:.2g} to {high:.2g} only"
-
-    def __str__(self) -> str:
-        """The line for the terminal, where a parameter is not determined."""
-        names: dict[str, list[str]] = {}
-        for name in self.lost:
-            names.setdefault(self.why(name), []).append(name)
-        return "; ".join(f"{' and '.join(n)} {NOT_DETERMINED}: {why}" for why, n in names.items())
-
-
-@dataclass(frozen=True)
 class Parameter:
     """One parameter of a friction law, dimensionless.
 
-    `fixed` marks a value that was given, not identified; it then has no uncertainty. A value that
-    is not `determined` extrapolates beyond the data: it describes the curve over the I of the data
-    together with the other parameters, and nothing by itself.
+    Attributes:
+        fixed: whether the value was given, not identified; it then has no uncertainty.
+        undetermined: why the value means nothing by itself, in words; None: it is determined. It
+            extrapolates beyond the data: with the other parameters it describes the curve over the
+            I of the data.
     """
 
     value: float
     fixed: bool
     std: float | None = None
     interval_90: tuple[float, float] | None = None
-    determined: bool = True
+    undetermined: str | None = None
 
-    def __post_init__(self) -> None:
-        if self.fixed and (self.std is not None or self.interval_90 is not None):
-            raise ValueError(
-                "a fixed parameter was not identified: expected std and interval_90 null, "
-                f"got std {self.std} and interval_90 {self.interval_90}"
-            )
-        if not self.determined and (self.fixed or self.std is not None or self.interval_90):
-            raise ValueError(
-                "a parameter that is not determined has no error bars and was not given: expected "
-                f"fixed false, std and interval_90 null, got {self}"
-            )
-        if self.std is not None and self.std < 0:
-            raise ValueError(f"std must not be negative, got {self.std}")
-        if self.interval_90 is not None and self.interval_90[0] > self.interval_90[1]:
-            raise ValueError(f"interval_90 must be (lower, upper), got {self.interval_90}")
+    @property
+    def determined(self) -> bool:
+        return self.undetermined is None
 
     @property
     def words(self) -> str:
-        """The value with its interval, or why it has none."""
+        """The value with its interval, or that it has none."""
         if not self.determined:
             return NOT_DETERMINED
         if self.interval_90 is None:
@@ -174,14 +128,6 @@ class Covariance:
     matrix: tuple[tuple[float, ...], ...]
 
     def __post_init__(self) -> None:
-        n = len(self.names)
-        if len(self.matrix) != n or any(len(row) != n for row in self.matrix):
-            shape = [len(row) for row in self.matrix]
-            raise ValueError(f"matrix must be {n} x {n} like names, got rows of length {shape}")
-        for i in range(n):
-            if self.matrix[i][i] < 0:
-                raise ValueError(f"the variance of {self.names[i]} is negative")
-            for j in range(i):
-                a, b = self.matrix[i][j], self.matrix[j][i]
-                if not math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-30):
-                    raise ValueError(f"matrix must be symmetric, got {a} and {b}")
+        sides = [len(self.matrix), *map(len, self.matrix)]
+        if set(sides) != {len(self.names)}:
+            raise ValueError(f"matrix must have {len(self.names)} rows and columns, got {sides}")

@@ -56,13 +56,6 @@ class Members:
     shown: int = 0
     diverged: int = 0
 
-    def __post_init__(self) -> None:
-        lengths = {len(self.seed), *map(len, self.values.values())}
-        if lengths != {len(self.seed)} or not self.seed:
-            raise ValueError(f"members must have one value each, got {sorted(lengths)}")
-        if not 0 <= self.shown < len(self.seed):
-            raise ValueError(f"shown must be one of {len(self.seed)} members, got {self.shown}")
-
 
 @dataclass(frozen=True)
 class ErrorBars:
@@ -91,7 +84,7 @@ class ErrorBars:
 
 @dataclass(frozen=True)
 class LawPoints:
-    """The law of a flow with I0 free, at three inertial numbers (fit/free_I0.py).
+    """The law of a flow with I0 free, at three inertial numbers (checks/unknown_I0.py).
 
     Attributes:
         I, log_mu: inertial numbers and log of the friction there [3].

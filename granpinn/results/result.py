@@ -3,7 +3,7 @@
 A number without a meaning is None here and null in the file, never 0: an error without a reference.
 The file is strict JSON (no NaN, no Infinity), written atomically, and validated when it is read.
 
-Format version 5.  A field may be added with a default; any other change needs a new version.
+Format version 6.  A field may be added with a default; any other change needs a new version.
 
 The answer in a few lines, for the terminal: values, the law, the grade and its reason.
 
@@ -24,13 +24,13 @@ from typing import Any, Self
 import numpy as np
 
 from granpinn.arrays import Float64, Floats
-from granpinn.config import LEVELS
+from granpinn.config import Level
 from granpinn.data import Truth
 from granpinn.output import write_text
 from granpinn.output.table import Table, paragraphs
 from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.rheology import by_parameters
-from granpinn.physics.terms import FORMS
+from granpinn.physics.terms import Form
 from granpinn.results import export
 from granpinn.results.assessment import Assessment, assess, evidence, reach_of
 from granpinn.results.decoding import encode, plain
@@ -39,7 +39,6 @@ from granpinn.results.parameters import (
     FIELD_ERRORS,
     NOT_DETERMINED,
     Covariance,
-    Determined,
     ErrorPercent,
     Parameter,
     Parameters,
@@ -84,7 +83,7 @@ class FlowOfLaw:
 
 
 FORMAT_NAME = "granpinn-results"
-FORMAT_VERSION = 5
+FORMAT_VERSION = 6
 
 
 @dataclass(frozen=True)
@@ -95,6 +94,8 @@ class Result:
         law: the friction law and its curve over the I of the data.
         failure: why the training of a member of a batch ended before the others; the numbers then
             belong to its last good state, and `stopped` is "diverged".
+        no_law: why the flow determines no friction coefficient (estimates/confined.py), in words;
+            None: it may.
         flows: of several flows that have one law, each with its own facts; (): one flow.
         assumptions: what the data do not contain, and its effect on the law.
         checks: the records of the checks that were made, by the names of the checks.
@@ -102,8 +103,8 @@ class Result:
     """
 
     parameters: Parameters
-    level: str
-    form: str
+    level: Level
+    form: Form
     recipe: str
     seed: int
     data: DataSummary
@@ -121,36 +122,19 @@ class Result:
     members: Members | None = None
     residuals: Residuals | None = None
     error_bars: ErrorBars | None = None
-    determined: Determined | None = None
+    no_law: str | None = None
     flows: tuple[FlowOfLaw, ...] = ()
     assumptions: tuple[Assumed, ...] = ()
     checks: dict[str, Any] = field(default_factory=dict)
     not_done: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        given = {"level": self.level, "form": self.form, "law": self.law.name}
-        for name, allowed in (("level", LEVELS), ("form", FORMS), ("law", tuple(LAWS))):
-            if given[name] not in allowed:
-                expected = ", ".join(allowed)
-                own = ", or a law that granpinn.laws.register was given" if name == "law" else ""
-                raise ValueError(f"{name} must be one of {expected}{own}, got {given[name]!r}")
-        law = self.friction_law
-        require_names(self.parameters, law.names, where="parameters.")
-        require_names(self.error_percent, FIELD_ERRORS, law.names, "error_percent.")
-        for p in law.parameters:
-            if p.fixed and self.parameters[p.name].value <= 0:
-                value = self.parameters[p.name].value
-                raise ValueError(f"parameters: {p.name} must be positive, got {value}")
-        if self.members is not None:
-            require_names(self.members.values, law.free, where="members.")
-        for assumed in self.assumptions:
-            for name in ("derivative", "percent"):
-                if (values := getattr(assumed, name)) is not None:
-                    require_names(values, law.free, where=f"assumptions.{name}.")
-        for name in self.covariance.names if self.covariance else ():
-            if name not in law.names:
-                known = ", ".join(law.names)
-                raise ValueError(f"covariance.names must be among {known}, got {name}")
+        if self.law.name not in LAWS:
+            raise ValueError(
+                f"law must be one of {', '.join(LAWS)}, or a law that granpinn.laws.register was "
+                f"given, got {self.law.name!r}"
+            )
+        require_names(self.parameters, self.friction_law.names, where="parameters.")
 
     def with_record(self, part: str, record: Record | None) -> Self:
         """The result with what a check found, or with a part that leaves no record."""
@@ -231,7 +215,8 @@ class Result:
         rows = []
         for name, p in self.parameters.items():
             std = "given" if p.fixed else number(p.std, ".4f")
-            interval = " to ".join(f"{end:.4f}" for end in p.interval_90 or ()) or "-"
+            ends = p.interval_90 if p.determined and p.interval_90 else ()
+            interval = " to ".join(f"{end:.4f}" for end in ends) or "-"
             true = number(getattr(self.truth, name, None), ".4f")
             value, std = (f"{p.value:.4f}", std) if p.determined else (NOT_DETERMINED, "")
             rows.append((name, value, std, interval, true, percent(self.error_percent.get(name))))
@@ -242,7 +227,13 @@ class Result:
 
     def _facts(self) -> list[str]:
         """What is known of the law beside its numbers."""
-        parts: list[object] = [self.determined] if self.determined and self.determined.lost else []
+        lost: dict[str, list[str]] = {}
+        for name, p in self.parameters.items():
+            if p.undetermined is not None:
+                lost.setdefault(p.undetermined, []).append(name)
+        parts: list[object] = [
+            f"{' and '.join(names)} {NOT_DETERMINED}: {why}" for why, names in lost.items()
+        ]
         parts += [] if self.law.I_range is None else [self.law]
         return list(map(str, [*parts, *self.flows, *self.assumptions]))
 
@@ -317,13 +308,12 @@ def brief(result: Result) -> list[str]:
 def _row(result: Result, name: str, p: Parameter) -> list[str]:
     """Name, value with interval, true value, and a note."""
     value = _short(p.value) if p.determined else NOT_DETERMINED
-    if p.interval_90 is not None:
+    if p.determined and p.interval_90 is not None:
         value += f"  ({_short(p.interval_90[0])} to {_short(p.interval_90[1])})"
     true = getattr(result.truth, name, None)
     reach = reach_of(result) if name == "mu_2" else None
     notes = ["given"] if p.fixed else []
-    if result.determined is not None and not p.determined:
-        notes += [result.determined.why(name)]
+    notes += [] if p.undetermined is None else [p.undetermined]
     notes += [] if reach is None else [f"extrapolated: the flow reaches {reach:.2g} I0"]
     return [f"{name:5s}", value, "" if true is None else f"true {_short(true)}", "".join(notes)]
 

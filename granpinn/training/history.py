@@ -1,5 +1,9 @@
 """history.csv: one row of loss terms and identified values every so many steps.
 
+A row has the value of every column by its name: the step, which counts from 1; seconds of training;
+the loss, and its unweighted terms in this batch; the parameters of the law; the learning rate. NaN
+(an empty cell) is not part of this step.
+
 A checkpoint holds the rows too. A resumed run writes the file anew with them, and appends the rows
 of the later steps.
 """
@@ -12,7 +16,6 @@ import io
 import math
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TextIO
 
@@ -25,51 +28,24 @@ from granpinn.physics.laws import DEFAULT, FrictionLaw
 from granpinn.physics.terms import NAMES
 from granpinn.regular import read_text
 
+Row = dict[str, float]
+
 
 def columns(law: FrictionLaw) -> tuple[str, ...]:
     """The columns of history.csv for a friction law."""
     return ("step", "wall_s", "loss", *NAMES, *law.names, "learning_rate")
 
 
-@dataclass(frozen=True)
-class Row:
-    """Values of one step, in the order of `columns`; NaN (an empty cell): not part of this step.
-
-    Attributes:
-        step: counts from 1.
-        wall_s: seconds of training up to this step.
-        terms: unweighted loss terms of this batch, one for each of `NAMES`.
-        parameters: theta, one for each of `law.names`.
-    """
-
-    law: FrictionLaw = field(repr=False)
-    step: int
-    wall_s: float
-    loss: float
-    terms: tuple[float, ...]
-    parameters: tuple[float, ...]
-    learning_rate: float
-
-    @classmethod
-    def of(cls, law: FrictionLaw, values: Iterable[float]) -> Row:
-        """The row with these values in the order of `columns`."""
-        step, wall_s, loss, *rest, rate = values
-        terms, parameters = tuple(rest[: len(NAMES)]), tuple(rest[len(NAMES) :])
-        return cls(law, int(step), wall_s, loss, terms, parameters, rate)
-
-    def values(self) -> dict[str, float]:
-        """The value of every column by its name."""
-        rest = (*self.terms, *self.parameters, self.learning_rate)
-        return dict(zip(columns(self.law), (self.step, self.wall_s, self.loss, *rest), strict=True))
+def row_of(law: FrictionLaw, values: Iterable[float]) -> Row:
+    """The row with these values in the order of `columns`."""
+    step, *others = values
+    return dict(zip(columns(law), (int(step), *others), strict=True))
 
 
 def median(rows: Sequence[Row]) -> Row:
     """The medians, column by column, of one row of every member with the law of the first one."""
-    if len(rows) == 1:
-        return rows[0]
-    alike = [row for row in rows if row.law is rows[0].law]
-    table = zip(*(row.values().values() for row in alike), strict=True)
-    return Row.of(rows[0].law, (float(np.median(column)) for column in table))
+    alike = [row for row in rows if row.keys() == rows[0].keys()]
+    return {name: float(np.median([row[name] for row in alike])) for name in rows[0]}
 
 
 class HistoryFileError(BadInput):
@@ -111,7 +87,7 @@ class History:
     @property
     def table(self) -> Float64:
         """The numbers of all rows [n, columns]."""
-        numbers = [[*row.values().values()] for row in self.rows]
+        numbers = [[*row.values()] for row in self.rows]
         return np.array(numbers, np.float64).reshape(-1, len(columns(self.law)))
 
     def flush(self) -> None:
@@ -133,7 +109,7 @@ def _write(lines: Iterable[Iterable[object]], file: TextIO) -> None:
 
 
 def _cells(row: Row) -> list[object]:
-    return ["" if math.isnan(v) else v for v in row.values().values()]
+    return ["" if math.isnan(v) else v for v in row.values()]
 
 
 def _rows(text: str, law: FrictionLaw) -> list[list[float]]:

@@ -21,7 +21,7 @@ from granpinn.signals import Signals, caught
 from granpinn.training import checkpoint, identity, time_limit
 from granpinn.training.checkpoint import RunState
 from granpinn.training.guard import NonFiniteError, require_finite
-from granpinn.training.history import History, Row, median
+from granpinn.training.history import History, median, row_of
 from granpinn.training.objective import Objective
 from granpinn.training.progress import LAST_LAYER, Progress
 from granpinn.training.schedule import Schedule
@@ -117,7 +117,7 @@ class TrainingLoop:
         self.wall_s, self.stopped = found.state.wall_s, found.state.stopped
         self.limit = None  # the schedule of the checkpoint stays
         for history, table in zip(self.histories, found.histories, strict=True):
-            history.begin(Row.of(history.law, row) for row in table.tolist())
+            history.begin(row_of(history.law, row) for row in table.tolist())
         self._mark()
         return True
 
@@ -209,7 +209,7 @@ class TrainingLoop:
             trainer.roll_back(fresh)
             if trainer.step == copied:
                 for history in self.histories:
-                    history.begin([row for row in history.rows if row.step <= copied])
+                    history.begin([row for row in history.rows if row["step"] <= copied])
             who = f"members {', '.join(map(str, sorted(fresh)))} " if many else ""
             self.progress.message(
                 f"{error}: {who}back to step {copied}, on at half the learning rate"

@@ -5,7 +5,7 @@ Only this module scales inputs and outputs. All its results are dimensionless
 
 The standard deviations of the residuals come from the flow itself. A slow flow needs equations that
 hold more exactly than a fast one. So the tolerances of the velocity and of its derivatives are
-parts of the rms velocity and of the rms shear rate of the flow (`--weights.units flow`); forces
+parts of the rms velocity and of the rms shear rate of the flow (`--units flow`); forces
 have the unit of gravity, which drives every flow.
 
 Noise raises the tolerance of the velocity. A network resolves a limited number n of independent
@@ -81,7 +81,7 @@ NO_NOISE = VelocityNoise()
 def sigmas_of(config: Config, scales: Scales, facts: Facts) -> list[float]:
     """The standard deviation of every term of the loss, dimensionless."""
     sigmas = [config.weights.sigma(term.name) for term in TERMS]
-    if config.weights.units == "file":
+    if config.units == "file":
         pairs = zip(sigmas, TERMS, strict=True)
         return [scales.to_dimensionless(sigma, term.quantity) for sigma, term in pairs]
     unit = {
@@ -135,7 +135,7 @@ def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
     Inputs in which the flow does not change have the factor 0: no output depends on them.
     """
     flow, scales = facts.flow, facts.scales
-    if config.network.units == "file":
+    if config.units == "file":
         shift = [0.0, 0.0, 0.0]
         scale = [scales.length, scales.length, scales.time]
         U_out, P_out = 1 / scales.velocity, 1 / scales.pressure

@@ -65,9 +65,10 @@ class Shown(Progress):
 
     def show(self, row: Row) -> None:
         now = time.monotonic()
-        self.times.append((row.step, now))
+        step = int(row["step"])
+        self.times.append((step, now))
         self.text = describe(row)
-        if row.step >= self.steps or now - self.updated >= self.every:
+        if step >= self.steps or now - self.updated >= self.every:
             self.updated = now
             self.update()
 
@@ -202,11 +203,12 @@ def by_default() -> Progress:
 
 
 def describe(row: Row) -> str:
-    """The free parameters, the loss and its terms in one line, without the unused terms."""
-    values = row.values()
-    parts = [f"{name} {values[name]:.4f}" for name in row.law.free] + [f"loss {row.loss:.3g}"]
-    terms = zip(TERMS, row.terms, strict=True)
-    return "  ".join(parts + [f"{term.label} {v:.1e}" for term, v in terms if math.isfinite(v)])
+    """The parameters, the loss and its terms in one line, without the unused terms."""
+    _, _, _, *rest = row
+    parts = [f"{name} {row[name]:.4f}" for name in rest[len(TERMS) : -1]]
+    parts.append(f"loss {row['loss']:.3g}")
+    terms = [(term.label, row[term.name]) for term in TERMS]
+    return "  ".join(parts + [f"{label} {v:.1e}" for label, v in terms if math.isfinite(v)])
 
 
 def duration(seconds: float) -> str:

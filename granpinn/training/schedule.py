@@ -17,6 +17,8 @@ import torch
 from granpinn.arrays import Float64
 from granpinn.config import Config, Optimizer
 
+PREFIT_FINAL = 0.1  # learning rates at the end of the pre-fit, relative to their peak
+
 
 @dataclass(frozen=True)
 class Schedule:
@@ -63,7 +65,7 @@ class Schedule:
     def learning_rate(self, step: int) -> float:
         """Factor in [0, 1] on every learning rate: in each stage from 0 up, then linearly down."""
         s = self.settings
-        final = s.prefit_final_fraction if self.in_prefit(step) else s.final_fraction
+        final = PREFIT_FINAL if self.in_prefit(step) else s.final_fraction
         done, after = self.stage(step)
         if done < s.warm_up:
             return min(1.0, after / s.warm_up)

@@ -20,7 +20,7 @@ from granpinn.kernels.network import initial_parameters
 from granpinn.training.checkpoint import TrainingState
 from granpinn.training.graphs import Graphs
 from granpinn.training.guard import NonFiniteError, require_finite_members
-from granpinn.training.history import Row
+from granpinn.training.history import Row, row_of
 from granpinn.training.last_layer import last_layer, mean_length
 from granpinn.training.law_variables import LawVariables
 from granpinn.training.objective import Evaluation, Member, Objective
@@ -283,5 +283,5 @@ class Trainer:
         found, first = [], 1 + terms.shape[1]  # place of theta
         for e, (law, scale) in enumerate(zip(self.objective.laws, self.lr_scale, strict=True)):
             own = self.in_units(e, values[e][first : first + len(law.parameters)])
-            found.append(Row.of(law, [self.step, wall_s, *values[e][:first], *own, rate * scale]))
+            found.append(row_of(law, [self.step, wall_s, *values[e][:first], *own, rate * scale]))
         return found

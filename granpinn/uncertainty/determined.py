@@ -22,7 +22,7 @@ square only. The stress of the strong form is that of the law.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from granpinn.arrays import Floats
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameters, Result
 from granpinn.results.identified_law import Curve, IdentifiedLaw, StressPoints
-from granpinn.results.parameters import USELESS, Determined, half_width
+from granpinn.results.parameters import USELESS, half_width, spans
 from granpinn.results.result import NORMAL_90, friction_sd
 from granpinn.uncertainty import error_bars, error_model
 from granpinn.uncertainty.error_model import Known, Pair, ends_of, interval
@@ -40,36 +40,34 @@ from granpinn.uncertainty.error_model import Known, Pair, ends_of, interval
 LARGEST = {"mu_s": 0.15, "mu_2": 0.15, "I0": 0.3}
 
 
-def determined(result: Result, inertial_number: Floats) -> Determined | None:
-    """What the data determine; None for flows without shear, and for another law if it is all.
+def determined(result: Result, inertial_number: Floats) -> dict[str, str]:
+    """The parameters that the data do not determine, and why; none for flows without shear.
 
     Args:
         inertial_number: of the points that shear [n].
     """
     I_range = percentiles(inertial_number)
-    return None if I_range is None else determined_over(result, I_range, [I_range])
+    return {} if I_range is None else determined_over(result, I_range, [I_range])
 
 
-def determined_over(result: Result, I_range: Pair, ranges: Sequence[Pair]) -> Determined | None:
-    """What data with a range of I determine; None as for `determined`.
+def determined_over(result: Result, I_range: Pair, ranges: Sequence[Pair]) -> dict[str, str]:
+    """The parameters that data with a range of I do not determine, and why.
 
     Args:
         ranges: of I of all flows that have this law.
     """
     intervals = {name: p.interval_90 for name, p in result.parameters.items()}
-    wide = [name for name, i in intervals.items() if i is not None and half_width(i) > USELESS]
-    bars, lost = result.error_bars, tuple(wide)
+    halves = {name: half_width(i) for name, i in intervals.items() if i is not None}
+    lost = {name: spans(half) for name, half in halves.items() if half > USELESS}
     if result.law.name == mu_of_i.LAW.name:
         mu_s, mu_2, I0 = result.theta
+        bars = result.error_bars
         real = bars is not None and bars.grains is not None
         free = None if result.parameters["I0"].fixed else I0
         known = [Known(ends_of(e, I0), (mu_s, mu_2), real=real, I0=free) for e in ranges]
-        narrow = lost_of(known)
-        lost = tuple(name for name in intervals if name in wide or name in narrow)
-        wide = [name for name in wide if name not in narrow]
-    elif not wide:
-        return None
-    return Determined(I_range, lost, tuple(wide))
+        narrow = f"the grains shear at I = {I_range[0]:.2g} to {I_range[1]:.2g} only"
+        lost |= dict.fromkeys(lost_of(known), narrow)
+    return lost
 
 
 def percentiles(inertial_number: Floats, weight: Floats | None = None) -> Pair | None:
@@ -95,24 +93,16 @@ def lost_of(flows: Sequence[Known]) -> tuple[str, ...]:
     return tuple(name for name in law if sd[name] > LARGEST[name] * law[name])
 
 
-def unfixed(result: Result, inertial_number: Floats, reason: str) -> Determined:
-    """The record of a flow that determines no friction coefficient, for a reason; any law.
+def applied(result: Result, lost: Mapping[str, str]) -> Result:
+    """The result whose parameters that are not determined have a reason, and no error.
 
     Args:
-        inertial_number: of the points that shear [n], with the pressure of the training.
+        lost: these parameters, and why.
     """
-    return Determined(percentiles(inertial_number), result.friction_law.free, reason=reason)
-
-
-def applied(result: Result, found: Determined) -> Result:
-    """The result whose parameters that are not determined have no error bars."""
     values = dict(result.parameters.items())
-    lost = {name: values[name] for name in found.lost if not values[name].fixed}
-    for name, parameter in lost.items():
-        values[name] = dataclasses.replace(parameter, std=None, interval_90=None, determined=False)
-    intervals = {name: p.interval_90 for name, p in lost.items() if p.interval_90 is not None}
-    found = dataclasses.replace(found, raw_interval_90=intervals or None)
-    return dataclasses.replace(result, parameters=Parameters(values), determined=found)
+    for name, why in lost.items():
+        values[name] = dataclasses.replace(values[name], std=None, undetermined=why)
+    return dataclasses.replace(result, parameters=Parameters(values))
 
 
 POINTS = 80  # of a curve, evenly in log I
@@ -139,9 +129,8 @@ def over(result: Result, found: tuple[float, float], points: StressPoints | None
     """The result with its law over a range of I."""
     I = np.geomspace(*found, POINTS)
     I[0], I[-1] = found
-    known = result.determined
-    if known is not None and known.reason is not None:
-        return _with(result, I_range=found, points=points, reason=known.reason)
+    if (reason := result.no_law) is not None:
+        return _with(result, I_range=found, points=points, reason=reason)
     law = result.friction_law
     mu = np.asarray(law.friction(I, *result.theta), np.float64)
     if result.covariance is None:

@@ -39,7 +39,7 @@ from granpinn.uncertainty.error_model import (
 )
 from granpinn.uncertainty.sensitivity import covariance, unknown
 
-DECISIVE = ("form", "network", "rheology", "weights", "batch", "optimizer")
+DECISIVE = ("form", "units", "network", "rheology", "weights", "batch", "optimizer")
 
 
 def center(members: Members, law: FrictionLaw = DEFAULT) -> tuple[float, ...]:

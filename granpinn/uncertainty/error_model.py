@@ -46,7 +46,6 @@ from scipy.linalg import block_diag
 
 from granpinn.arrays import Float64
 from granpinn.results.decoding import decode
-from granpinn.results.parameters import require_names
 
 Pair = tuple[float, float]
 
@@ -150,23 +149,6 @@ class ErrorModel:
     cohesion: float
     cohesion_part: float
     tested: dict[str, Pair]
-
-    def __post_init__(self) -> None:
-        require_names(self.lower, COEFFICIENTS, where="lower.")
-        require_names(self.upper, COEFFICIENTS, where="upper.")
-        require_names(self.tested, tuple(WORDS), where="tested.")
-        for b in (self.lower, self.upper):
-            for name, sign in {"outline": 1, **FEATURES}.items():
-                if sign * b[name] < 0:
-                    raise ValueError(f"{name} must not make errors smaller, got {b[name]}")
-        if not (self.freedom > 2 and abs(self.correlation) < 1 and 0 <= self.common < 1):
-            raise ValueError(
-                "freedom must be above 2, correlation between -1 and 1, common between 0 and 1"
-            )
-        if not all(0 < low < high for low, high in self.tested.values()):
-            raise ValueError("tested must hold ascending pairs of positive numbers")
-        if min(self.level, self.tilt, self.cohesion, self.cohesion_part) < 0:
-            raise ValueError("level, tilt, cohesion and cohesion_part must not be negative")
 
     def half_width(self, share: float = 0.9) -> float:
         """Half of the central part of Student's distribution, in standard deviations s."""

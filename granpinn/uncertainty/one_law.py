@@ -1,8 +1,8 @@
 r"""One friction law of several flows of one material: the fit to the laws of the single flows.
 
 Flow f by itself gives log mu at both ends of its range of I. Where I0 is free, flows of which it is
-known give log mu at three inertial numbers (fit/free_I0.py). With all of them y [n], their errors
-of covariance C, and one law $\theta$ of L parameters that fits them best,
+known give log mu at three inertial numbers (checks/unknown_I0.py). With all of them y [n], their
+errors of covariance C, and one law $\theta$ of L parameters that fits them best,
 
 $$ \chi^2 = \min_\theta\, (y - \log\mu(\theta))^T C^{-1} (y - \log\mu(\theta)). $$
 
@@ -73,11 +73,10 @@ def known_of(result: Result) -> Known:
         CannotGoOn: it does not know its accuracy.
     """
     bars, residuals, I_range = result.error_bars, result.residuals, result.law.I_range
-    lost = result.determined.reason if result.determined else None
-    if residuals is None or I_range is None or lost or result.law.name != DEFAULT.name:
+    if residuals is None or I_range is None or result.no_law or result.law.name != DEFAULT.name:
         raise CannotGoOn(
-            f"{result.input.name} does not determine mu(I): {lost or result.law.reason}; leave it "
-            "out"
+            f"{result.input.name} does not determine mu(I): {result.no_law or result.law.reason}; "
+            "leave it out"
         )
     mu_s, mu_2, I0 = result.theta
     return known_by(

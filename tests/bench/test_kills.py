@@ -20,8 +20,10 @@ def test_two_kills_change_no_bit(tmp_path: Path) -> None:
     newest = 0
     for _ in range(2):
         process = runs.start(pageless(runs.command(flow, killed, FLAGS)))
-        before = set(killed.glob("checkpoint/step-*.json"))
-        while process.poll() is None and set(killed.glob("checkpoint/step-*.json")) <= before:
+        before = set(killed.glob("checkpoint/step-*.safetensors"))
+        while (
+            process.poll() is None and set(killed.glob("checkpoint/step-*.safetensors")) <= before
+        ):
             time.sleep(0.01)
         runs.end(process)
         process.communicate()

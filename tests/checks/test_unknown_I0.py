@@ -14,7 +14,7 @@ from granpinn.commands import train
 from granpinn.config import Config, ConfigError
 from granpinn.errors import CannotGoOn
 from granpinn.results import Covariance, Parameter, Parameters, Result
-from granpinn.results.parameters import Determined
+from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.records import ErrorBars
 from granpinn.results.result import NORMAL_90
 from granpinn.uncertainty.error_model import ends_of, line
@@ -44,7 +44,7 @@ def run(I0: float = 0.3) -> Result:
             mu_s=Parameter(mu_s, False), mu_2=Parameter(mu_2, False), I0=Parameter(I0, True)
         ),
         covariance=Covariance(("mu_s", "mu_2"), tuple(map(tuple, C.tolist()))),
-        determined=Determined(I_RANGE),
+        law=IdentifiedLaw(I_range=I_RANGE),
         error_bars=ErrorBars((0.0, 0.0), 50.0, NORMAL_90, "made up"),
     )
 

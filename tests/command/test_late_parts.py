@@ -17,7 +17,7 @@ from granpinn.command import training_run
 from granpinn.data import Flow
 from granpinn.figures import album
 from granpinn.fit import case, prediction
-from granpinn.identification.answer import ASSUMPTIONS, CURVE, FIELDS
+from granpinn.fit.context import ASSUMPTIONS, CURVE, FIELDS
 from granpinn.output import OutputError
 from granpinn.results.attempt import PENDING, attempt
 from granpinn.training.trainer import Trainer

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,9 +14,7 @@ from granpinn.commands import convert, inspect, report, train
 from granpinn.config import ConfigError
 from granpinn.config.values import convert as value_of
 from granpinn.data import write_flow
-from granpinn.results.results_file import write_csv
 from granpinn.terminal import visible
-from tests.examples import make_result
 from tests.flows import make_flow
 
 HOSTILE = "a\x1b[2J\x07\u202eb"
@@ -51,16 +48,6 @@ def test_names_of_files_do_not_act_on_the_terminal(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert r"a\x1b[2J\x07" in done.stdout
     assert not {"\x1b", "\x07", "\u202e"} & {*done.stdout, *done.stderr}
-
-
-@pytest.mark.parametrize("name", ["=HYPERLINK(1)", "+1", "-1", "@a", "\ta"])
-def test_a_spreadsheet_computes_no_text(name: str, tmp_path: Path) -> None:
-    result = make_result()
-    object.__setattr__(result.input, "name", name)
-    write_csv(result, tmp_path / "results.csv")
-    (cells,) = csv.DictReader((tmp_path / "results.csv").read_text().splitlines())
-    assert cells["input"] == f"'{name}"
-    assert float(cells["mu_s"]) == result.parameters.mu_s.value
 
 
 EMPTY: dict[str, Callable[..., int]] = {

@@ -13,7 +13,7 @@ from granpinn.data import Flow
 from granpinn.fit.case import pose
 from granpinn.fit.ensemble import final_terms
 from granpinn.identification.start import start
-from granpinn.training.device import choose_device
+from granpinn.kernels.builds import choose_device
 from tests.data.walled import FLOOR
 from tests.runs import tiny
 

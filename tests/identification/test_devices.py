@@ -22,8 +22,8 @@ from granpinn.data.points import relative_l2
 from granpinn.fit.case import Model, members, pose
 from granpinn.fit.prediction import predict
 from granpinn.identification.start import start
+from granpinn.kernels.builds import choose_device
 from granpinn.physics.laws import DEFAULT
-from granpinn.training.device import choose_device
 from tests.runs import tiny
 
 NO_GPU = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")

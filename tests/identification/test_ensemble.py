@@ -14,8 +14,8 @@ from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.fit.case import pose
 from granpinn.identification.start import start
+from granpinn.kernels.builds import choose_device
 from granpinn.results import Result
-from granpinn.training.device import choose_device
 from granpinn.training.history import Row
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Progress
@@ -81,7 +81,7 @@ def test_the_folder_of_a_member_is_that_of_a_run(flow: Flow, tmp_path: Path) -> 
     }
     for e, result in enumerate(found):
         folder = tmp_path / f"{e:03d}"
-        names = {"results.json", "results.csv", "fields.h5", "history.csv", "config.toml"}
+        names = {"results.json", "fields.h5", "history.csv", "config.toml"}
         names |= {"network.safetensors"}
         assert {p.name for p in folder.iterdir()} == names
         assert results.read_results(folder / "results.json").parameters == result.parameters
@@ -89,7 +89,7 @@ def test_the_folder_of_a_member_is_that_of_a_run(flow: Flow, tmp_path: Path) -> 
         assert int(last[0]) == 40
     values = sorted(float((tmp_path / f"{e:03d}/history.csv").read_text().splitlines()[-1]
                           .split(",")[8]) for e in range(3))  # fmt: skip
-    assert listener.rows[-1].values()["mu_s"] == values[1]
+    assert listener.rows[-1]["mu_s"] == values[1]
     with pytest.raises(ConfigError, match="resume"):
         identify_many([flow] * 3, CONFIG, [0, 1, 2], run_dir=tmp_path)
 
@@ -141,7 +141,7 @@ def test_a_member_that_diverges_once_goes_on_more_slowly(flow: Flow) -> None:
     for e in (0, 2):
         assert torch.equal(run.trainer.params[e], clean.trainer.params[e])
     assert not torch.equal(run.trainer.params[1], clean.trainer.params[1])
-    assert [row.step for row in run.histories[1].rows] == list(range(5, 41, 5))
+    assert [row["step"] for row in run.histories[1].rows] == list(range(5, 41, 5))
 
 
 def test_a_member_that_diverges_twice_is_given_up_alone(flow: Flow) -> None:

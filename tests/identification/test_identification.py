@@ -18,7 +18,7 @@ from granpinn.data import Flow, Truth
 from granpinn.fit import case as case_module
 from granpinn.fit import prediction
 from granpinn.identification.single import identify
-from granpinn.training.device import choose_device
+from granpinn.kernels.builds import choose_device
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.time_limit import Limit
 from tests.runs import tiny
@@ -44,7 +44,7 @@ def test_the_run_folder_holds_the_result(flow_file: Path, tmp_path: Path) -> Non
     folder = tmp_path / "run"
     config = tiny(seed=2)
     result = identify(flow_file, config, run_dir=folder)
-    names = {"results.json", "results.csv", "fields.h5", "network.safetensors"}
+    names = {"results.json", "fields.h5", "network.safetensors"}
     names |= {"history.csv", "config.toml", "checkpoint", ".lock"}
     assert {path.name for path in folder.iterdir()} == names
     assert results.read_results(folder / "results.json").parameters == result.parameters

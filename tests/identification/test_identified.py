@@ -120,19 +120,18 @@ def edited(content: bytes, **changes: object) -> bytes:
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"format_version": 2}, "expected version 1"),
+        ({"format_version": 1}, "expected granpinn-network version 2"),
         ({"law": "tresca"}, "the law tresca is not known"),
         ({"widths": [3, 4, 5]}, "do not fit"),
         ({"widths": ["3"]}, "widths"),
         ({"form": "weak"}, "weak"),
         ({"constants": ["grain_diameter"]}, "another version"),
-        ({"scales": {"length": 1.0}}, "missing"),
-        ({"origin": [0.0]}, "origin"),
+        ({"scales": {"length": 1.0}}, "scales.velocity is missing"),
+        ({"input_shift": [0.0]}, "input_shift must be a list of 3"),
         ({"nothing": 1}, "nothing is not known"),
         ({"params": torch.full((157,), torch.nan)}, "do not fit|NaN"),
         ({"theta": torch.zeros(3, dtype=torch.int64)}, "must be float32 or float64"),
-        ({"input_shift": torch.zeros(2, dtype=torch.float64)}, "do not fit"),
-        ({"physics": torch.zeros(())}, "not iterable"),
+        ({"physics": torch.zeros(())}, "iterable"),
     ],
     ids=str,
 )

@@ -24,10 +24,10 @@ BOTH = ("the same along x: no derivative along x", "steady: no time derivative")
 
 
 @pytest.mark.filterwarnings("ignore:.*stated as steady")
-@pytest.mark.parametrize("units", ["scaled", "file"])
+@pytest.mark.parametrize("units", ["flow", "file"])
 def test_the_network_gets_no_input_that_has_no_effect(units: str) -> None:
     def scale(flow: Flow) -> tuple[float, ...]:
-        return pose(flow, tiny(network__units=units)).member.problem.spec.input_scale
+        return pose(flow, tiny(units=units)).member.problem.spec.input_scale
 
     for frames in (1, 3):
         assert [factor == 0 for factor in scale(make_chute(frames=frames))] == [True, False, True]

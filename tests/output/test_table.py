@@ -24,7 +24,7 @@ def test_a_result_is_one_line_with_its_intervals() -> None:
         "Result(Säule µ.h5, level V1: mu_s = 0.41 (0.39 to 0.43), mu_2 = 0.61 (no interval), "
         "I0 = 0.3 (fixed))"
     )
-    lost = {"mu_2": Parameter(0.6, fixed=False, determined=False)}
+    lost = {"mu_2": Parameter(0.6, fixed=False, undetermined="x")}
     unknown = Parameters(dict(make_result().parameters.items()) | lost)
     assert "mu_2 = not determined" in repr(make_result(parameters=unknown, covariance=None))
 

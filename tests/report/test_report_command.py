@@ -107,7 +107,7 @@ def test_the_command_prints_the_page(
     [
         (None, "results.json does not exist: give the folder of a finished run"),
         ('{"format_name": "granpinn-results", ', "could not be read as strict JSON"),
-        ('{"format_name": "granpinn-results", "format_version": 5}', "parameters is missing"),
+        ('{"format_name": "granpinn-results", "format_version": 6}', "parameters is missing"),
     ],
 )
 def test_a_folder_without_a_valid_run(

@@ -18,7 +18,6 @@ from granpinn.commands import export
 from granpinn.errors import BadInput
 from granpinn.results import Input, Parameter, Parameters, Result, write_results
 from granpinn.results.export import DRAWS, FORMATS, draws_of
-from granpinn.results.parameters import Determined
 from tests.examples import PARAMETERS, make_result
 
 MU_2 = Parameter(0.61, fixed=False, std=0.02, interval_90=(0.57, 0.65))
@@ -104,10 +103,9 @@ def test_draws_have_the_covariance_and_are_admissible() -> None:
 
 def test_json_has_null_where_nothing_is_determined() -> None:
     lost = Parameters(
-        dict(KNOWN.items()) | {"mu_2": Parameter(0.61, fixed=False, determined=False)}
+        dict(KNOWN.items()) | {"mu_2": Parameter(0.61, fixed=False, undetermined="x")}
     )
-    found = Determined((0.01, 0.2), lost=("mu_2",))
-    result = known(parameters=lost, determined=found)
+    result = known(parameters=lost)
     content = json.loads(result.export("json"))
     assert content["parameters"]["mu_2"]["value"] is None
     assert content["parameters"]["mu_s"]["value"] == 0.41

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 
 from granpinn.config import Config
@@ -20,7 +21,6 @@ from granpinn.results import (
     Parameters,
     Result,
     read_results,
-    results_file,
     write_results,
 )
 from granpinn.results.records import Members
@@ -73,9 +73,10 @@ def test_table_row_and_page_have_its_parameters_alone(tmp_path: Path) -> None:
     row_of_mu_s = result.summary().splitlines()[1].split()
     assert row_of_mu_s == ["mu_s", "0.3300", "-", "-", "0.3000", "10.00"]
     assert "I0" not in result.summary()
-    row = results_file.row(result)
-    assert (row["law"], row["mu_s"], row["error_mu_s"]) == ("coulomb", 0.33, 10.0)
-    assert not {"mu_2", "I0", "error_mu_2"} & set(row)
+    row = pandas.json_normalize(result.to_dict()).loc[0]
+    assert (row["law.name"], row["parameters.mu_s.value"]) == ("coulomb", 0.33)
+    assert row["error_percent.mu_s"] == 10.0
+    assert not {"parameters.mu_2.value", "error_percent.mu_2"} & set(row.index)
     page = Page(pages.render(result, [], [], []))
     assert "μs 0.330 true 0.300" in page.text
     assert "friction law “constant friction”" in page.text

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
+from safetensors import torch as safetensors
 
 from granpinn.training import checkpoint
 from granpinn.training.checkpoint import (
@@ -65,48 +68,51 @@ def test_what_is_saved_comes_back(tmp_path: Path) -> None:
 
 def test_the_two_newest_are_kept(tmp_path: Path) -> None:
     saved(tmp_path, 5, 80, 1000, 900)
-    (tmp_path / ".step-000000001.json.0123abcd.tmp").write_text("left by a killed process")
-    saved(tmp_path, 1001)
-    assert sorted(p.name for p in tmp_path.iterdir()) == [
-        f"step-{step:09d}.{suffix}" for step in (1000, 1001) for suffix in ("json", "safetensors")
-    ]
+    left = f".step-000000001-{'0' * 16}.safetensors.0123abcd.tmp"
+    (tmp_path / left).write_text("left by a killed process")
+    saved(tmp_path, 1001, 1001)
+    assert [p.name[:14] for p in sorted(tmp_path.iterdir())] == ["step-000000900", "step-000001001"]
 
 
 def test_files_of_the_user_are_not_removed_nor_read(tmp_path: Path) -> None:
-    own = ["step-notes.txt", "step-1.json", ".step-old.tmp", "step-000000001.json.bak"]
-    own += ["step-x.json", "step-٣٣٣٣٣٣٣٣٣.json", "step-000002000.json.bak"]
+    end = f"{'0' * 16}.safetensors"
+    own = ["step-notes.txt", f"step-1-{end}", ".step-old.tmp", f"step-000000001-{end}.bak"]
+    own += ["step-000000001.safetensors", f"step-٣٣٣٣٣٣٣٣٣-{end}", f"step-x-{end}"]
     for name in own:
         (tmp_path / name).write_text("{}")
     saved(tmp_path, 5, 80, 1000)
     assert {path.name for path in tmp_path.iterdir()} >= set(own)
-    assert not (tmp_path / "step-000000005.json").exists()
+    assert len([*tmp_path.iterdir()]) == len(own) + 2
     found = newest(tmp_path)
     assert found is not None
     assert found.state.training.step == 1000
 
 
-DAMAGE = {
-    "tensors cut": ("safetensors", lambda b: b[:-3]),
-    "tensors changed": ("safetensors", lambda b: b[:-1] + bytes([b[-1] ^ 1])),
-    "tensors empty": ("safetensors", lambda b: b""),
-    "state cut": ("json", lambda b: b[: len(b) // 2]),
-    "state of another program": ("json", lambda b: b'{"step": 1}'),
-    "state is a list": ("json", lambda b: b"[1, 2]"),
-    "state with NaN": ("json", lambda b: b.replace(b'"wall_s": 2.0', b'"wall_s": NaN')),
-    "state is binary": ("json", lambda b: b"\xff\xfe"),
+DAMAGE: dict[str, Callable[[bytes], bytes]] = {
+    "cut": lambda b: b[:-3],
+    "changed": lambda b: b[:-1] + bytes([b[-1] ^ 1]),
+    "empty": lambda b: b"",
+    "half": lambda b: b[: len(b) // 2],
+    "NaN": lambda b: b.replace(rb"\"wall_s\": 2.0", rb"\"wall_s\": NaN"),
 }
+
+
+def path_of(folder: Path, step: int) -> Path:
+    (path,) = folder.glob(f"step-{step:09d}-*.safetensors")
+    return path
 
 
 @pytest.mark.parametrize("case", DAMAGE)
 def test_a_damaged_checkpoint_is_passed_over(case: str, tmp_path: Path) -> None:
-    suffix, damage = DAMAGE[case]
     saved(tmp_path, 1, 2)
-    path = tmp_path / f"step-000000002.{suffix}"
-    path.write_bytes(damage(path.read_bytes()))
+    path = path_of(tmp_path, 2)
+    whole = path.read_bytes()
+    path.write_bytes(DAMAGE[case](whole))
+    assert path.read_bytes() != whole
     found = newest(tmp_path)
     assert found is not None
     assert found.state.training.step == 1
-    (tmp_path / "step-000000001.safetensors").unlink()
+    path_of(tmp_path, 1).write_bytes(whole)
     with pytest.raises(CheckpointError, match="no checkpoint can be read"):
         newest(tmp_path)
 
@@ -164,41 +170,32 @@ def test_another_run_is_refused_with_the_difference(tmp_path: Path) -> None:
 
 def forged(folder: Path, step: int, /, **changes: Any) -> None:
     """A checkpoint with other values and a checksum that fits them."""
-    path = folder / f"step-{step:09d}.json"
-    content = json.loads(path.read_text())
+    path = path_of(folder, step)
+    content = path.read_bytes()
+    length = int.from_bytes(content[:8], "little")
+    record = json.loads(json.loads(content[8 : 8 + length])["__metadata__"]["granpinn"])
     for name, value in changes.items():
         place, _, key = name.rpartition("__")
-        (content[place] if place else content)[key] = value
-    binary = path.with_suffix(".safetensors").read_bytes()
-    content["sha256"] = checkpoint._checksum(content, binary)
-    path.write_bytes(checkpoint._text(content))
+        (record[place] if place else record)[key] = value
+    content = safetensors.save(safetensors.load(content), {"granpinn": json.dumps(record)})
+    path.unlink()
+    path = folder / f"step-{step:09d}-{hashlib.sha256(content).hexdigest()[:16]}.safetensors"
+    path.write_bytes(content)
 
 
 IMPOSSIBLE: list[dict[str, Any]] = [
-    {"training__step": -5},
     {"training__step": 1},
     {"training__step": 2.0},
     {"training__step": True},
     {"training__step": "2"},
     {"training__step": 2**70},
-    {"training__total": 1},
-    {"training__from_step": 3},
-    {"training__from_progress": 1.5},
-    {"training__lr_scale": [1.0]},
-    {"training__lr_scale": [1.0, 1e308]},
-    {"training__misfit": [0.0, -1.0]},
-    {"training__diverged": {"2": "no such member"}},
     {"training__more": 1},
-    {"step": 1},
-    {"step": 7, "training__step": 7},
-    {"wall_s": -1.0},
+    {"training__lr_scale": 1.0},
     {"wall_s": None},
-    {"stopped": "later"},
-    {"members": []},
-    {"members": [{}]},
+    {"members": [{}, {}, {}]},
     {"settings": []},
     {"data_sha256": 3},
-    {"format_version": 2},
+    {"format_version": 5},
     {"more": 1},
 ]
 
@@ -219,19 +216,18 @@ def test_impossible_values_are_damage_whatever_their_checksum(
 
 
 def test_every_flipped_bit_is_damage(tmp_path: Path) -> None:
-    """Gate T-6: all bits of the JSON and of the tensors' header, every seventh of the tensors."""
+    """Gate T-6: all bits of the header with the plain values, every seventh of the tensors."""
     saved(tmp_path, 2)
-    path = tmp_path / "step-000000002.json"
-    for place in (path, path.with_suffix(".safetensors")):
-        whole = place.read_bytes()
-        header = len(whole) - 4 * 6 - 8 * 2 - 4 * 2
-        for bit in (*range(8 * header), *range(8 * header, 8 * len(whole), 7)):
-            damaged = bytearray(whole)
-            damaged[bit // 8] ^= 1 << bit % 8
-            place.write_bytes(damaged)
-            with pytest.raises((ValueError, RecursionError)):  # those that `newest` passes over
-                checkpoint._read(path)
-        place.write_bytes(whole)
+    path = path_of(tmp_path, 2)
+    whole = path.read_bytes()
+    header = len(whole) - 4 * 6 - 8 * 2 - 4 * 2
+    for bit in (*range(8 * header), *range(8 * header, 8 * len(whole), 7)):
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        with pytest.raises(ValueError, match="it was changed after it was saved"):
+            checkpoint._read(path)
+    path.write_bytes(whole)
     assert checkpoint._read(path).state == state_at(2)
 
 

@@ -122,7 +122,7 @@ def test_a_value_is_noticed_never_saved_and_stops_the_run_by_name(
         run.train()
         assert run.trainer.finished
         assert run.trainer.lr_scale == [0.5]
-        assert [row.step for row in run.histories[0].rows] == list(range(5, 41, 5))
+        assert [row["step"] for row in run.histories[0].rows] == list(range(5, 41, 5))
         (message,) = spoiled.messages
         assert "back to step 20" in message
         step = 40

@@ -10,10 +10,10 @@ import pytest
 from granpinn.data import Flow
 from granpinn.fit.case import members, pose
 from granpinn.identification.start import start
+from granpinn.kernels.builds import choose_device
 from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import DEFAULT
 from granpinn.training import last_layer
-from granpinn.training.device import choose_device
 from granpinn.training.features import Features, coefficients
 from granpinn.training.last_layer import FEWER, mean_length
 from granpinn.training.last_layer_sums import Sums, Unknowns, choose

@@ -25,7 +25,7 @@ def test_the_learning_rate_falls_from_its_peak_to_its_end() -> None:
 
 
 def test_each_stage_warms_up_and_decays() -> None:
-    s = schedule(prefit=0.4, prefit_final_fraction=0.1, warm_up=0.05)
+    s = schedule(prefit=0.4, warm_up=0.05)
     assert [step for step in range(1000) if s.ends_prefit(step)] == [400]
     assert s.in_prefit(399)
     assert not s.in_prefit(400)

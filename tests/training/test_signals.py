@@ -105,13 +105,13 @@ def test_a_signal_in_the_last_layer_step_stops_the_run(
 def test_a_full_disk_ends_the_run_and_leaves_the_checkpoint_before(
     flow_file: Path, tmp_path: Path
 ) -> None:
-    """No file may grow beyond 8 KiB: the history reaches that, the checkpoints do not."""
+    """No file may grow beyond 64 KiB: the history reaches that, the checkpoints do not."""
     folder = tmp_path / "run"
     code = (
         "import resource, signal, sys\n"
         "from granpinn.commands.train import main\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (8192, resource.RLIM_INFINITY))\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (65536, resource.RLIM_INFINITY))\n"
         "sys.exit(main(sys.argv[1:]))\n"
     )
     argv = [

@@ -102,7 +102,7 @@ def test_a_run_ends_at_its_limit_though_its_pace_changes(
     assert 0.9 * 200 < ticking.now - 100.0 <= 200
     assert run.stopped == "max_time"
     assert run.trainer.schedule.progress(run.trainer.step) == 1
-    rates = [row.learning_rate for row in run.histories[0].rows]
+    rates = [row["learning_rate"] for row in run.histories[0].rows]
     assert rates[-1] < 0.02 * max(rates)
     assert totals[-1] == run.trainer.step
 

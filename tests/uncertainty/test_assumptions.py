@@ -19,8 +19,8 @@ from granpinn.fit.case import pose
 from granpinn.identification import start
 from granpinn.identification.batch import identify_many
 from granpinn.identification.single import identify
+from granpinn.kernels.builds import choose_device
 from granpinn.results.records import Assumed
-from granpinn.training.device import choose_device
 from granpinn.uncertainty import sensitivity
 from granpinn.uncertainty.error_bars import judge
 from granpinn.uncertainty.error_model import Known

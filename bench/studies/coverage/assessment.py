@@ -31,7 +31,6 @@ from granpinn.config import Config
 from granpinn.inspection.momentum_balance import Baseline, Point
 from granpinn.physics import terms
 from granpinn.results import DataSummary, Input, Parameter, Parameters, Residuals, Result, Timing
-from granpinn.results.assessment import contradicted
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import Reason
 from granpinn.uncertainty.determined import applied, determined, with_curve
@@ -53,7 +52,9 @@ def judged(cells: dict[str, str]) -> dict[str, Any]:
         "kind": cells["law"] if cells["law"] != LAW else GRAINS if real else "simulated",
         "error": next(name for name, end in ERRORS.items() if error <= end),
         "grade": result.assessment.grade,
-        "contradicted": None if result.residuals is None else contradicted(result) is not None,
+        "contradicted": None
+        if result.residuals is None
+        else any(said.startswith("The data contradict") for said in result.assessment.reasons),
     }
 
 
@@ -72,7 +73,7 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
     assert not isinstance(found, str)  # the default recipe has error bars
     result = Result(
         parameters=Parameters(**found.parameters, I0=Parameter(n["I0"], True)),
-        level=cells["level"],
+        level=config.level,
         form=config.form,
         recipe=config.recipe,
         seed=0,
@@ -90,8 +91,7 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
     if cells["carried"] == "True":
         result = momentum_balance.without_error_bars(result)
     number = np.repeat(I_range, 10)
-    if (range_ := determined(result, number)) is not None:
-        result = applied(result, range_)
+    result = applied(result, determined(result, number))
     result = with_curve(result, number)
     points = tuple(momentum_balance.difference(p, result) for p in _points(cells["balance"]))
     balance = Baseline("walls carry the grains", carried=cells["carried"] == "True")

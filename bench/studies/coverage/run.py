@@ -35,7 +35,7 @@ from granpinn.fit import ensemble
 from granpinn.fit.case import Case, members, pose
 from granpinn.fit.ensemble import model_of
 from granpinn.identification.start import start
-from granpinn.training.device import choose_device
+from granpinn.kernels.builds import choose_device
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Lines
 

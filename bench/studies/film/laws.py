@@ -50,7 +50,8 @@ def columns(true: Flow, results: dict[str, Result]) -> dict[str, float]:
 
 def held(result: Result, mu_s: float, mu_2: float, key: str) -> dict[str, float]:
     """Whether the 90 % interval of mu_s holds, and for which share of the I that of mu(I) does."""
-    ends = result.parameters["mu_s"].interval_90
+    found = result.parameters["mu_s"]
+    ends = found.interval_90 if found.determined else None
     row = {f"mu_s_held_{key}": math.nan if ends is None else ends[0] <= mu_s <= ends[1]}
     curve = result.law.curve
     if curve is not None and curve.low is not None and curve.high is not None:

@@ -36,7 +36,8 @@ def held(group: dict[str, Any]) -> list[bool | None]:
     """Whether the intervals of mu_s, mu_2 and I0 hold the truth; None: there is none."""
     found: list[bool | None] = []
     for name, truth in zip(NAMES, group["truth"], strict=True):
-        interval = group["parameters"][name]["interval_90"]
+        parameter = group["parameters"][name]
+        interval = None if parameter.get("undetermined") else parameter["interval_90"]
         found.append(None if interval is None else interval[0] <= truth <= interval[1])
     return found
 

@@ -92,7 +92,7 @@ def undisturbed(argv: list[str], out: Path) -> tuple[float, float]:
     """Seconds of a run without kills to its first checkpoint, and after that."""
     begin = time.monotonic()
     process = runs.start(argv)
-    while process.poll() is None and not list(out.glob("checkpoint/step-*.json")):
+    while process.poll() is None and not list(out.glob("checkpoint/step-*.safetensors")):
         time.sleep(0.02)
     first = time.monotonic()
     _, err = process.communicate()

@@ -32,7 +32,6 @@ LAW = FrictionLaw(
         LawParameter(
             "c",
             "c",
-            "c",
             start=0.01,
             bounds=(1e-5, 1.0),
             typical=0.01,

@@ -19,7 +19,7 @@ LAW = FrictionLaw(
     name="coulomb",
     title="constant friction",
     formula=r"\mu = \mu_s",
-    parameters=(LawParameter("mu_s", r"\mu_s", "μₛ", start=0.3, may_vanish=True, help="friction"),),
+    parameters=(LawParameter("mu_s", r"\mu_s", start=0.3, may_vanish=True, help="friction"),),
     friction=friction,
     slope=slope,
 )

@@ -69,7 +69,6 @@ LAW = FrictionLaw(
             LawParameter(
                 f"c{k}",
                 f"c_{k}",
-                f"c{'₁₂₃₄₅₆₇₈'[k - 1]}",
                 start=0.4,
                 typical=value,
                 help=f"coefficient {k} of {COEFFICIENTS} of the curve, from small to large I",
@@ -79,7 +78,6 @@ LAW = FrictionLaw(
         LawParameter(
             "I_low",
             r"I_\mathrm{low}",
-            "I_low",
             start=_RANGE[0],
             fixed=True,
             typical=_RANGE[0],
@@ -89,7 +87,6 @@ LAW = FrictionLaw(
         LawParameter(
             "I_high",
             r"I_\mathrm{high}",
-            "I_high",
             start=_RANGE[1],
             fixed=True,
             typical=_RANGE[1],
@@ -107,7 +104,7 @@ COHESION = "c"
 WITH_COHESION = dataclasses.replace(
     LAW,
     name="free_cohesive",
-    parameters=(*LAW.parameters, LawParameter(COHESION, "c", "c", start=0.0, may_vanish=True)),
+    parameters=(*LAW.parameters, LawParameter(COHESION, "c", start=0.0, may_vanish=True)),
     friction=lambda I, *theta: friction(I, *theta[:-1]),
     slope=lambda I, *theta: slope(I, *theta[:-1]),
     cohesion=COHESION,

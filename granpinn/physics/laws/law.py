@@ -24,7 +24,6 @@ class LawParameter:
     Attributes:
         name: in files, settings and results, such as "mu_s".
         symbol: in LaTeX, such as r"\\mu_s".
-        text: in plain Unicode, such as "μₛ".
         start: value at the start of a training.
         variable: what an optimiser moves instead, an unbounded number q:
             "log": theta_k = exp(q); "log_above": theta_k = theta_(k-1) + exp(q);
@@ -39,7 +38,6 @@ class LawParameter:
 
     name: str
     symbol: str
-    text: str
     start: float
     variable: Variable = "log"
     bounds: tuple[float, float] = (0.01, 3.0)

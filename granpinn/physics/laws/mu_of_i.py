@@ -23,13 +23,10 @@ LAW = FrictionLaw(
     title="mu(I)",
     formula=r"\mu(I) = \mu_s + (\mu_2 - \mu_s) / (1 + I_0 / I)",
     parameters=(
-        LawParameter(
-            "mu_s", r"\mu_s", "μₛ", start=0.3, may_vanish=True, help="friction at small I"
-        ),
+        LawParameter("mu_s", r"\mu_s", start=0.3, may_vanish=True, help="friction at small I"),
         LawParameter(
             "mu_2",
             r"\mu_2",
-            "μ₂",
             start=0.6,
             variable="log_above",
             typical=0.64,
@@ -39,7 +36,6 @@ LAW = FrictionLaw(
         LawParameter(
             "I0",
             "I_0",
-            "I₀",
             start=0.3,
             fixed=True,
             typical=0.3,

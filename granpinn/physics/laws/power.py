@@ -33,9 +33,8 @@ LAW = FrictionLaw(
     title="power law",
     formula=r"\mu(I) = \mu_s + b\,I^n",
     parameters=(
-        LawParameter("mu_s", r"\mu_s", "μₛ", start=0.3, may_vanish=True, help="friction at I = 0"),
+        LawParameter("mu_s", r"\mu_s", start=0.3, may_vanish=True, help="friction at I = 0"),
         LawParameter(
-            "b",
             "b",
             "b",
             start=0.6,
@@ -44,7 +43,7 @@ LAW = FrictionLaw(
             may_vanish=True,
             help="rise of the friction at I = 1",
         ),
-        LawParameter("n", "n", "n", start=1.0, fixed=True, typical=1.0, help="exponent"),
+        LawParameter("n", "n", start=1.0, fixed=True, typical=1.0, help="exponent"),
     ),
     friction=friction,
     slope=slope,

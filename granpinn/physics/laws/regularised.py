@@ -57,11 +57,10 @@ LAW = FrictionLaw(
     formula=r"\mu = \sqrt{\alpha / \ln(A/I)}\ (I \le I_1),\quad "
     r"(\mu_s I_0 + \mu_2 I + \mu_\infty I^2) / (I_0 + I)\ (I > I_1)",
     parameters=(
-        LawParameter("mu_s", r"\mu_s", "μₛ", start=0.3, help="friction just above I1"),
+        LawParameter("mu_s", r"\mu_s", start=0.3, help="friction just above I1"),
         LawParameter(
             "mu_2",
             r"\mu_2",
-            "μ₂",
             start=0.6,
             variable="log_above",
             typical=0.64,
@@ -70,7 +69,6 @@ LAW = FrictionLaw(
         LawParameter(
             "I0",
             "I_0",
-            "I₀",
             start=0.3,
             fixed=True,
             typical=0.3,
@@ -79,7 +77,6 @@ LAW = FrictionLaw(
         LawParameter(
             "mu_inf",
             r"\mu_\infty",
-            "μ∞",
             start=0.05,
             fixed=True,
             typical=0.05,
@@ -89,7 +86,6 @@ LAW = FrictionLaw(
         LawParameter(
             "alpha",
             r"\alpha",
-            "α",
             start=1.9,
             fixed=True,
             typical=1.9,
@@ -98,7 +94,6 @@ LAW = FrictionLaw(
         LawParameter(
             "I1",
             "I_1",
-            "I₁",
             start=0.004,
             fixed=True,
             typical=0.004,
