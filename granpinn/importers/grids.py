@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,13 @@ import numpy as np
 
 from granpinn.arrays import Float64, Int8
 from granpinn.importers.columns import (
+    NAMES,
     Column,
     TextTable,
     header,
+    layout_of,
     lines_of,
+    read_headed,
     read_table,
     require_finite,
     text_lines,
@@ -116,6 +120,25 @@ def read_openpiv(path: Path) -> VectorFields:
     codes = codes_of(path, "flags", table.columns.pop("flags"), _FLAGS)
     outside = codes_of(path, "mask", table.columns.pop("mask"), _MASK) == Validity.MASKED
     return grid_frame(path, table, np.where(outside, np.int8(Validity.MASKED), codes))
+
+
+# Any other program: a table that names x, y, u and v as columns.py knows them, units in brackets. y
+# points up where lengths have a unit other than px; elsewhere --flip-y says so.
+_TABLE = {name: NAMES[name] for name in "xyuv"}
+
+
+def is_table(path: Path, head: bytes) -> bool:
+    """Names of x, y, u and v above numbers."""
+    names = {column.name for column in layout_of(lines_of(head), _TABLE, "xyuv").named}
+    return all(names.intersection(spellings) for spellings in _TABLE.values())
+
+
+def read_any(path: Path) -> VectorFields:
+    """One frame of a table."""
+    found = grid_frame(path, read_headed(path, "xyuv", _TABLE), y_down=False)
+    if found.length_unit not in (None, "px"):
+        return found
+    return replace(found, y_down=None, facts=found.facts | {ROWS: MIXED})
 
 
 # DaVis 8: `#DaVis 8.1.6 2D-vector 32 64 64 "position" "mm" "position" "mm" "velocity" "m/s"`, then

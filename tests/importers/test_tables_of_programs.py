@@ -108,3 +108,48 @@ def test_velocities_of_programs_are_taken_as_measured(tmp_path: Path) -> None:
     np.testing.assert_allclose(fields.t[found], rows()[expected, 0])
     for values, k in ((fields.x, 2), (fields.y, 3), (fields.u, 4), (fields.v, 5)):
         np.testing.assert_allclose(values[found], rows()[expected, k], rtol=1e-7)
+
+
+GRIDS = {
+    "units in names": ("x [mm],y [mm],u [mm/s],v [mm/s]", ",", ".", {}),
+    "decimal commas": ("X [mm],Y [mm],Vx [mm/s],Vy [mm/s]", ";", ",", {}),
+    "names alone": (
+        "x,y,u,v",
+        "\t",
+        ".",
+        {"length_unit": "mm", "velocity_unit": "mm/s", "flip_y": "no"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", GRIDS)
+def test_tables_of_any_program_are_grids(tmp_path: Path, name: str) -> None:
+    names, separator, sign, settings = GRIDS[name]
+    y, x = np.meshgrid(np.arange(5) + 0.5, np.arange(4) + 0.5, indexing="ij")
+    for k in range(3):
+        parts = (x, y, 2 * y + k, np.where(x + y > 6.5, np.nan, -x))
+        rows = np.stack([part.ravel() for part in parts], 1)
+        lines = [separator.join(f"{v:g}" for v in row).replace(".", sign) for row in rows]
+        lines = [names.replace(",", separator), *lines, ""]
+        (tmp_path / f"f{k}.csv").write_text("\n".join(lines))
+    flow = read(
+        tmp_path / "f*.csv", frame_rate="10 Hz", surface="none", force=True, **settings, **MATERIAL
+    )
+    np.testing.assert_allclose(flow.y, (np.arange(5) + 0.5) * 1e-3)
+    assert flow.u.shape == (3, 5, 4)
+    assert flow.u[2, 1, 0] == pytest.approx(5e-3)
+    assert np.isnan(flow.v[0, 4, 3])
+    assert flow.v[0, 0, 1] == pytest.approx(-1.5e-3)
+
+
+def test_a_table_in_pixels_does_not_say_where_y_points(tmp_path: Path) -> None:
+    lines = [
+        "x [px],y [px],vx [px/frame],vy [px/frame]",
+        "1,1,0,0",
+        "2,1,0,0",
+        "1,2,1,0",
+        "2,2,1,0",
+    ]
+    (tmp_path / "f.csv").write_text("\n".join([*lines, ""]))
+    with pytest.raises(DataFileError, match="flip_y yes or no"):
+        read(tmp_path / "f.csv", frame_rate="10 Hz", scale="1 mm/px", steady=True, **MATERIAL)
