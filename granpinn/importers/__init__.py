@@ -10,7 +10,7 @@ The files of this folder in the order in which a conversion passes them:
     frame.py        units (units.py), axes and gravity -> `Frame`, which takes everything to SI
     statements.py   what files and flags state twice must agree
     points.py       given lines of the surface and walls
-    conversion.py   the whole chain; grains (grains.py), surface (surface.py), settings -> `Flow`
+    conversion.py   the whole chain; grains and surface (surface.py), settings -> `Flow`
 
 reading.py calls conversion.py from Python, granpinn/commands/convert.py as a command.
 """
