@@ -7,8 +7,8 @@ The files of this folder in the order in which a conversion passes them:
     columns.py      tables of text: names and units of columns; grids.py and tracks.py read them,
                     pivlab_mat.py and arrays.py other files. All give `VectorFields` (vectors.py),
                     in the units of the file; libraries open the files (limits.py)
-    frame.py        units (units.py), axes and gravity -> `Frame`, which takes everything to SI
-    statements.py   what files and flags state twice must agree
+    frame.py        units (units.py), axes and gravity -> `Frame`, which takes everything to SI;
+                    what files and flags state twice must agree
     points.py       given lines of the surface and walls
     conversion.py   the whole chain; grains and surface (surface.py), settings -> `Flow`
 
