@@ -59,12 +59,12 @@ def determined_over(result: Result, I_range: Pair, ranges: Sequence[Pair]) -> di
     intervals = {name: p.interval_90 for name, p in result.parameters.items()}
     halves = {name: half_width(i) for name, i in intervals.items() if i is not None}
     lost = {name: spans(half) for name, half in halves.items() if half > USELESS}
-    if result.law.name == mu_of_i.LAW.name:
+    # One law with a free I0 comes only from flows that determine I0 (one_law.py).
+    if result.law.name == mu_of_i.LAW.name and result.parameters["I0"].fixed:
         mu_s, mu_2, I0 = result.theta
         bars = result.error_bars
         real = bars is not None and bars.grains is not None
-        free = None if result.parameters["I0"].fixed else I0
-        known = [Known(ends_of(e, I0), (mu_s, mu_2), real=real, I0=free) for e in ranges]
+        known = [Known(ends_of(e, I0), (mu_s, mu_2), real=real) for e in ranges]
         narrow = f"the grains shear at I = {I_range[0]:.2g} to {I_range[1]:.2g} only"
         lost |= dict.fromkeys(lost_of(known), narrow)
     return lost

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -204,6 +205,12 @@ def test_the_curvature_that_a_flow_shows_determines_I0() -> None:
     assert found.theta == pytest.approx(truth, rel=1e-3)
     assert found.parameters["I0"].std < 0.15 * truth[2]
     assert found.checks["shared_law"].freedom == 2
+    # The ends of one range do not determine I0; the points between them do.
+    twice = one_law([chute, chute])
+    assert "I0 is identified" in twice.checks["shared_law"].I0
+    assert twice.parameters["I0"].undetermined is None
+    low, high = twice.parameters["I0"].interval_90 or (math.nan, math.nan)
+    assert low < truth[2] < high
 
 
 def test_results_that_cannot_be_weighed_are_refused() -> None:
