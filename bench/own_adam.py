@@ -32,10 +32,10 @@ class OwnAdam:
         control.table.fill_(1)
         counts = torch.zeros(E, 2, dtype=torch.int64, device=params.device)
         self.state = (control.counter, control.table, control.lr_scale, control.fault, counts)
-        self.moments = [torch.zeros_like(self.params) for _ in range(4)]
+        self.moments = [torch.zeros_like(self.params) for _ in range(3)]
         moments = [torch.zeros_like(self.theta) for _ in range(2)]
         law = LawVariables([DEFAULT] * E, Rheology(), [{}] * E, [0] * E, self.params)
-        self.law = (law.q, *moments, self.theta, torch.zeros_like(self.theta))
+        self.law = (law.q, *moments, self.theta)
         self.variables = (law.codes, law.bounds)
 
     def step(self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor) -> None:

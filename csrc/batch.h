@@ -17,17 +17,16 @@ struct BatchArguments {
   Control control;
   std::int64_t N, M;               // points and surface points of the data
   std::int64_t interior, surface;  // points of a member
-  std::int64_t share;          // number of this part of a larger batch: starts at share * interior
-  const std::int64_t* seeds;   // [E]
-  const std::int64_t* places;  // [E, 4]: first point, points; first surface point, their number
-  const T* points;             // [N, 3]
-  const T* velocity;           // [N, 2]
-  const T* point_weights;      // [N, 2]
-  const T* surface_points;     // [M, 3]
-  const T* surface_pressure;   // [M]
-  const T* term_weights;       // [E, kTerms]
-  const T* source;             // [N, 2], or null
-  T* to_points;                // [E, interior, 3]
+  const std::int64_t* seeds;       // [E]
+  const std::int64_t* places;      // [E, 4]: first point, points; first surface point, their number
+  const T* points;                 // [N, 3]
+  const T* velocity;               // [N, 2]
+  const T* point_weights;          // [N, 2]
+  const T* surface_points;         // [M, 3]
+  const T* surface_pressure;       // [M]
+  const T* term_weights;           // [E, kTerms]
+  const T* source;                 // [N, 2], or null
+  T* to_points;                    // [E, interior, 3]
   T* to_velocity;
   T* to_point_weights;
   T* to_surface_points;  // [E, surface, 3]
@@ -66,10 +65,10 @@ GRANPINN_HD bool is_place(const std::int64_t* place, std::int64_t rows) {
 template <class T>
 GRANPINN_HD std::int64_t drawn_row(const BatchArguments<T>& a, const std::int64_t* place,
                                    std::int64_t rows, std::int64_t e, std::uint32_t stream,
-                                   std::int64_t count, std::int64_t i, std::int64_t step) {
-  const std::int64_t drawn = sample_index(
-      static_cast<std::uint64_t>(a.seeds[e]), static_cast<std::uint64_t>(step), stream,
-      static_cast<std::uint32_t>(a.share * count + i), static_cast<std::uint64_t>(place[1]));
+                                   std::int64_t i, std::int64_t step) {
+  const std::int64_t drawn =
+      sample_index(static_cast<std::uint64_t>(a.seeds[e]), static_cast<std::uint64_t>(step), stream,
+                   static_cast<std::uint32_t>(i), static_cast<std::uint64_t>(place[1]));
   return is_place(place, rows) ? place[0] + drawn : kNowhere;
 }
 
@@ -77,8 +76,7 @@ GRANPINN_HD std::int64_t drawn_row(const BatchArguments<T>& a, const std::int64_
 template <class T>
 GRANPINN_HD void draw_point(const BatchArguments<T>& a, std::int64_t e, std::int64_t i,
                             std::int64_t step) {
-  const std::int64_t from =
-      drawn_row(a, a.places + 4 * e, a.N, e, kInteriorStream, a.interior, i, step);
+  const std::int64_t from = drawn_row(a, a.places + 4 * e, a.N, e, kInteriorStream, i, step);
   const std::int64_t to = e * a.interior + i;
   const Row<3, T> point(a.points, from);
   const Row<2, T> velocity(a.velocity, from), weights(a.point_weights, from);
@@ -92,8 +90,7 @@ GRANPINN_HD void draw_point(const BatchArguments<T>& a, std::int64_t e, std::int
 template <class T>
 GRANPINN_HD void draw_surface_point(const BatchArguments<T>& a, std::int64_t e, std::int64_t j,
                                     std::int64_t step) {
-  const std::int64_t from =
-      drawn_row(a, a.places + 4 * e + 2, a.M, e, kSurfaceStream, a.surface, j, step);
+  const std::int64_t from = drawn_row(a, a.places + 4 * e + 2, a.M, e, kSurfaceStream, j, step);
   const std::int64_t to = e * a.surface + j;
   const Row<3, T> point(a.surface_points, from);
   const Row<1, T> pressure(a.surface_pressure, from);
@@ -105,7 +102,7 @@ GRANPINN_HD void draw_surface_point(const BatchArguments<T>& a, std::int64_t e, 
 template <class T>
 GRANPINN_HD void weigh_terms(const BatchArguments<T>& a, std::int64_t e, std::int64_t step) {
   Row<kTerms, T> weights(a.term_weights, e);
-  weights.values[kVelocity] *= static_cast<T>(a.control.row(step)[2 + e]);
+  weights.values[kVelocity] *= static_cast<T>(a.control.row(step)[1 + e]);
   weights.put(a.to_term_weights, e);
 }
 

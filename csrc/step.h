@@ -32,15 +32,15 @@ GRANPINN_HD std::int64_t next(std::int64_t a) {
 // update advances the step; on a GPU, the last number counts the blocks that have read the step.
 struct Control {
   std::int64_t* counter;  // [3]
-  const double* table;    // [rows, 2 + members]: learning-rate factor, weight of the running
-                          // average, factor on each member's velocity term
+  const double* table;    // [rows, 1 + members]: factor on the learning rates, and on the velocity
+                          // term of each member
   std::int64_t rows, members;
 
   GRANPINN_HD const double* row(std::int64_t step) const {
     const auto last = static_cast<std::uint64_t>(rows - 1);
     const std::uint64_t i =
         static_cast<std::uint64_t>(step) - static_cast<std::uint64_t>(counter[1]);
-    return table + (step < counter[1] ? 0 : i < last ? i : last) * (2 + members);
+    return table + (step < counter[1] ? 0 : i < last ? i : last) * (1 + members);
   }
   // The step of the last update.
   GRANPINN_HD std::int64_t updated() const {
@@ -76,7 +76,6 @@ struct LawArguments {
   bool moves;
   const T* gradient;              // by theta, [E, parameters] like all below
   T *q, *first, *second, *theta;  // variables, their moments, parameters
-  T* average_q;
 };
 
 template <class T>
@@ -94,7 +93,6 @@ struct UpdateArguments {
   T* first;                    // [E, P] first moment of Adam, momentum of Muon
   T* second;                   // [E, P]
   T* direction;                // [E, P] Nesterov's gradient, inside the matrices alone
-  T* average_params;           // [E, P] running average, outside the matrices alone
   LawArguments<T> law;
 };
 
@@ -128,9 +126,8 @@ struct DescendArguments {
   Members members;
   std::int64_t P, offset, count, size, apart;
   double learning_rate;
-  const T* U;         // [E, count, size], unless the kernel makes it
-  T* params;          // [E, P]
-  T* average_params;  // [E, P] running average
+  const T* U;  // [E, count, size], unless the kernel makes it
+  T* params;   // [E, P]
 };
 
 template <class T>
@@ -141,19 +138,17 @@ GRANPINN_HD bool descend(T rate, T U, T* param) {
   return good;
 }
 
-// The friction law of member e: its update, its average, and theta for the next step; false if a
-// new value is not finite. All loads are issued before any store, so that they overlap.
+// The friction law of member e: its update, and theta for the next step; false if a new value is not
+// finite. All loads are issued before any store, so that they overlap.
 template <class T>
 GRANPINN_HD bool move_law(const UpdateArguments<T>& arguments, std::int64_t e, std::int64_t step) {
   constexpr int N = kMaxLawParameters;
   const LawArguments<T>& a = arguments.law;
-  const double* row = arguments.control.row(step);
-  const double factor = row[0] * arguments.members.lr_scale[e];
-  const T weight = static_cast<T>(row[1]);
+  const double factor = arguments.control.row(step)[0] * arguments.members.lr_scale[e];
   std::int64_t* count = arguments.members.counts + 2 * e + 1;
   const std::int64_t t = next(*count), at = a.parameters * e;
   const LawVariables v = law_variables_from(a.parameters, a.variables + at, a.bounds + 2 * at);
-  T q[N] = {}, first[N] = {}, second[N] = {}, average[N] = {}, theta[N] = {}, theta_a[N] = {};
+  T q[N] = {}, first[N] = {}, second[N] = {}, theta[N] = {}, theta_a[N] = {};
   for (int k = 0; k < N; ++k) {
     if (k >= v.parameters) continue;
     theta[k] = a.theta[at + k];
@@ -161,7 +156,6 @@ GRANPINN_HD bool move_law(const UpdateArguments<T>& arguments, std::int64_t e, s
     q[k] = a.q[at + k];
     first[k] = a.first[at + k];
     second[k] = a.second[at + k];
-    average[k] = a.average_q[at + k];
   }
   bool good = true;
   if (a.moves) {
@@ -182,7 +176,6 @@ GRANPINN_HD bool move_law(const UpdateArguments<T>& arguments, std::int64_t e, s
     a.q[at + k] = q[k];
     a.first[at + k] = first[k];
     a.second[at + k] = second[k];
-    if (weight > T(0)) a.average_q[at + k] = interpolate(average[k], q[k], weight);
   }
   return good;
 }

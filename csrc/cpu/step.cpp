@@ -3,7 +3,6 @@
 // This file registers the CPU backend: the templates of CpuBackend are instantiated here.
 
 #include <algorithm>
-#include <type_traits>
 
 #include <ATen/Parallel.h>
 
@@ -33,15 +32,6 @@ bool all_finite(const T* a, std::int64_t n) {
   return sum == T(0);
 }
 
-// The running average of some parameters.
-template <class Arguments>
-void average(const Arguments& a, std::int64_t begin, std::int64_t end, double weight) {
-  using T = std::remove_pointer_t<decltype(a.average_params)>;
-  if (!(weight > 0)) return;
-  for (std::int64_t i = begin; i < end; ++i)
-    a.average_params[i] = interpolate(a.average_params[i], a.params[i], static_cast<T>(weight));
-}
-
 }  // namespace
 
 template <class T>
@@ -69,17 +59,15 @@ void CpuBackend::update(const UpdateArguments<T>& a) {
     if (!law) note(fault, step, kLawGradient);
     if (!all_finite(a.gradient + e * a.P, a.P)) note(fault, step, kGradient);
     if (a.members.frozen(e, step, kParams)) continue;
-    const double* row = a.control.row(step);
-    const AdamRates<T> rates =
-        adam_rates<T>(a.adam, row[0] * a.members.lr_scale[e], a.members.counts[2 * e]);
+    const double factor = a.control.row(step)[0] * a.members.lr_scale[e];
+    const AdamRates<T> rates = adam_rates<T>(a.adam, factor, a.members.counts[2 * e]);
     const std::int64_t from = e * a.P;
     bool good = true;
     std::int64_t at = from;
     for (int r = 0; r <= a.regions; ++r) {
-      const std::int64_t begin = at, end = from + (r < a.regions ? a.region[r].begin : a.P);
+      const std::int64_t end = from + (r < a.regions ? a.region[r].begin : a.P);
       for (; at < end; ++at)
         good &= adam(rates, a.gradient[at], a.params + at, a.first + at, a.second + at);
-      average(a, begin, end, row[1]);
       if (r < a.regions)
         for (; at < end + a.region[r].size; ++at)
           good &= accumulate(static_cast<T>(a.momentum), a.gradient[at], a.first + at,
@@ -97,15 +85,13 @@ void CpuBackend::descend(DescendArguments<T> a, const at::Tensor& G, c10::string
   const std::int64_t step = a.control.updated();
   for (std::int64_t e = 0; e < a.control.members; ++e) {
     if (a.members.frozen(e, step, kParams)) continue;
-    const double* row = a.control.row(step);
-    const auto rate = static_cast<T>(a.learning_rate * row[0] * a.members.lr_scale[e]);
+    const auto rate =
+        static_cast<T>(a.learning_rate * a.control.row(step)[0] * a.members.lr_scale[e]);
     bool good = true;
     for (std::int64_t l = 0; l < a.count; ++l) {
       const T* U = a.U + (e * a.count + l) * a.size;
-      const std::int64_t at = e * a.P + a.offset + l * a.apart;
-      T* W = a.params + at;
+      T* W = a.params + e * a.P + a.offset + l * a.apart;
       for (std::int64_t i = 0; i < a.size; ++i) good &= granpinn::descend(rate, U[i], W + i);
-      average(a, at, at + a.size, row[1]);
     }
     if (!good) note(a.members.fault + e, step, kParams);
   }

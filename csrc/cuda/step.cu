@@ -64,7 +64,6 @@ template <class T>
 struct Update {
   bool frozen;  // the member had a fault before, or its loss or law gradient is not finite now
   std::int64_t step;
-  T weight;
   AdamRates<T> rates;
 };
 
@@ -72,11 +71,9 @@ template <class T>
 __device__ void load_state(const UpdateArguments<T>& a, std::int64_t e, Update<T>& update) {
   const std::int64_t step = a.control.counter[0], count = next(a.members.counts[2 * e]);
   const Sound now = sound(a, e);
-  const double* row = a.control.row(step);
   update.frozen = a.members.frozen(e, step, kLoss) | !now.loss | !now.law;
   update.step = step;
-  update.weight = static_cast<T>(row[1]);
-  update.rates = adam_rates<T>(a.adam, row[0] * a.members.lr_scale[e], count);
+  update.rates = adam_rates<T>(a.adam, a.control.row(step)[0] * a.members.lr_scale[e], count);
 }
 
 // Counts a block that has read the state of the step. One thread of every block calls it.
@@ -137,7 +134,7 @@ __global__ void __launch_bounds__(kThreads)
   const T momentum = static_cast<T>(a.momentum);
   bool good = true, good_gradient = true;
   for (std::int64_t from = begin; from == begin || from - threadIdx.x < a.P; from += apart) {
-    T gradient[kEach], first[kEach], second[kEach], param[kEach], average[kEach], direction;
+    T gradient[kEach], first[kEach], second[kEach], param[kEach], direction;
     bool matrix[kEach], other[kEach];
 #pragma unroll
     for (int k = 0; k < kEach; ++k) {
@@ -164,11 +161,6 @@ __global__ void __launch_bounds__(kThreads)
 #pragma unroll
     for (int k = 0; k < kEach; ++k) good_gradient &= finite(gradient[k]);
     if (update.frozen) continue;
-    const T weight = update.weight;
-    if (weight > T(0))
-#pragma unroll
-      for (int k = 0; k < kEach; ++k)
-        average[k] = other[k] ? a.average_params[e * a.P + from + k * kThreads] : T(0);
 #pragma unroll
     for (int k = 0; k < kEach; ++k) {
       const std::int64_t at = e * a.P + from + k * kThreads;
@@ -179,7 +171,6 @@ __global__ void __launch_bounds__(kThreads)
         good &= adam(update.rates, gradient[k], param + k, first + k, second + k);
         a.params[at] = param[k];
         a.second[at] = second[k];
-        if (weight > T(0)) a.average_params[at] = interpolate(average[k], param[k], weight);
       }
       if (matrix[k] || other[k]) a.first[at] = first[k];
     }
@@ -193,16 +184,12 @@ __global__ void __launch_bounds__(kThreads) descend_kernel(const DescendArgument
   wait_for_earlier();
   const std::int64_t e = blockIdx.y, step = a.control.updated();
   if (a.members.frozen(e, step, kParams)) return;
-  const double* row = a.control.row(step);
-  const T rate = static_cast<T>(a.learning_rate * row[0] * a.members.lr_scale[e]);
-  const T weight = static_cast<T>(row[1]);
+  const T rate = static_cast<T>(a.learning_rate * a.control.row(step)[0] * a.members.lr_scale[e]);
   const std::int64_t count = a.count * a.size;
   bool good = true;
   for (std::int64_t i = first_index(); i < count; i += stride()) {
     const std::int64_t at = e * a.P + a.offset + i / a.size * a.apart + i % a.size;
     good &= descend(rate, a.U[e * count + i], a.params + at);
-    if (weight > T(0))
-      a.average_params[at] = interpolate(a.average_params[at], a.params[at], weight);
   }
   if (!good) note(a.members.fault + e, step, kParams);
 }

@@ -30,25 +30,24 @@ TORCH_LIBRARY(granpinn, m) {
   m.def(
       "draw_batch(Tensor counter, Tensor table, Tensor seeds, Tensor places, Tensor points, "
       "Tensor velocity, Tensor point_weights, Tensor surface_points, Tensor surface_pressure, "
-      "Tensor term_weights, int interior, int surface, int share, Tensor? source=None) "
+      "Tensor term_weights, int interior, int surface, Tensor? source=None) "
       "-> (Tensor, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor)");
   m.def(
       "batch_loss(Tensor counter, Tensor table, Tensor seeds, Tensor places, Tensor points, "
       "Tensor velocity, Tensor point_weights, Tensor surface_points, Tensor surface_pressure, "
-      "Tensor term_weights, int interior, int surface, int share, Tensor params, Tensor theta, "
+      "Tensor term_weights, int interior, int surface, Tensor params, Tensor theta, "
       "int[] widths, Tensor input_shift, Tensor input_scale, Tensor physics, str form, str law, "
       "str precision, Tensor? source=None) -> (Tensor, Tensor, Tensor, Tensor)");
   m.def(
       "update(Tensor(a!) counter, Tensor table, Tensor lr_scale, Tensor(b!) fault, "
       "Tensor(c!) counts, Tensor loss, Tensor gradient, Tensor(d!) params, Tensor(e!) first, "
-      "Tensor(f!) second, Tensor(g!) direction, Tensor(h!) average_params, int[] matrices, "
-      "float[] adam, float momentum, Tensor grad_theta, Tensor(i!) q, Tensor(j!) first_q, "
-      "Tensor(k!) second_q, Tensor(l!) theta, Tensor(m!) average_q, float[] law_adam, "
-      "Tensor variables, Tensor bounds, bool law_moves) -> ()");
+      "Tensor(f!) second, Tensor(g!) direction, int[] matrices, float[] adam, float momentum, "
+      "Tensor grad_theta, Tensor(h!) q, Tensor(i!) first_q, Tensor(j!) second_q, "
+      "Tensor(k!) theta, float[] law_adam, Tensor variables, Tensor bounds, bool law_moves) -> ()");
   m.def(
       "descend(Tensor counter, Tensor table, Tensor lr_scale, Tensor(a!) fault, Tensor counts, "
-      "Tensor G, Tensor(b!) params, Tensor(c!) average_params, int offset, int apart, "
-      "float learning_rate, str precision) -> ()");
+      "Tensor G, Tensor(b!) params, int offset, int apart, float learning_rate, "
+      "str precision) -> ()");
 }
 
 // torch's own handling of negated views ends the process for an operator that returns nothing.

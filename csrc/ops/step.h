@@ -26,7 +26,7 @@ struct StepOps {
                           const at::Tensor& points, const at::Tensor& velocity,
                           const at::Tensor& point_weights, const at::Tensor& surface_points,
                           const at::Tensor& surface_pressure, const at::Tensor& term_weights,
-                          std::int64_t interior, std::int64_t surface, std::int64_t share,
+                          std::int64_t interior, std::int64_t surface,
                           const std::optional<at::Tensor>& source) {
     const c10::DeviceGuard guard(points.device());
     const at::ScalarType type = points.scalar_type();
@@ -46,14 +46,10 @@ struct StepOps {
     tensors.reads("surface_points", surface_points, type, {M, 3});
     tensors.reads("surface_pressure", surface_pressure, type, {M});
     tensors.reads("term_weights", term_weights, type, {E, kTerms});
-    GRANPINN_CHECK_VALUE(interior >= 0 && surface >= 0 && share >= 0,
-                         "interior, surface and share must not be negative, got ", interior, ", ",
-                         surface, " and ", share);
-    const std::int64_t parts = checked_add(share, 1);
-    GRANPINN_CHECK_VALUE(
-        checked_mul(parts, interior) <= (1ll << 32) && checked_mul(parts, surface) <= (1ll << 32),
-        "all parts of a batch must have at most 2^32 points, got ", parts, " parts of ", interior,
-        " and ", surface);
+    constexpr std::int64_t most = 1ll << 32;
+    GRANPINN_CHECK_VALUE(interior >= 0 && interior <= most && surface >= 0 && surface <= most,
+                         "interior and surface must be in [0, 2^32], got ", interior, " and ",
+                         surface);
     GRANPINN_CHECK_VALUE((N > 0 || interior == 0) && (M > 0 || surface == 0),
                          "there must be points to draw from, got ", N, " and ", M,
                          " for batches of ", interior, " and ", surface);
@@ -79,7 +75,6 @@ struct StepOps {
                                       M,
                                       interior,
                                       surface,
-                                      share,
                                       seeds.const_data_ptr<std::int64_t>(),
                                       places.const_data_ptr<std::int64_t>(),
                                       data(points),
@@ -106,7 +101,7 @@ struct StepOps {
                                const at::Tensor& points, const at::Tensor& velocity,
                                const at::Tensor& point_weights, const at::Tensor& surface_points,
                                const at::Tensor& surface_pressure, const at::Tensor& term_weights,
-                               std::int64_t interior, std::int64_t surface, std::int64_t share,
+                               std::int64_t interior, std::int64_t surface,
                                const at::Tensor& params, const at::Tensor& theta, Ints widths,
                                const at::Tensor& input_shift, const at::Tensor& input_scale,
                                const at::Tensor& physics, c10::string_view form,
@@ -114,7 +109,7 @@ struct StepOps {
                                const std::optional<at::Tensor>& source) {
     const auto [x, v, w, surface_x, surface_p, weights, drawn_source] =
         draw_batch(counter, table, seeds, places, points, velocity, point_weights, surface_points,
-                   surface_pressure, term_weights, interior, surface, share, source);
+                   surface_pressure, term_weights, interior, surface, source);
     LossTensors in = loss_tensors(params, theta, x, v, w, surface_x, surface_p, weights, widths,
                                   input_shift, input_scale, physics, form, law, precision,
                                   source ? std::optional(drawn_source) : std::nullopt);
@@ -125,11 +120,10 @@ struct StepOps {
   static void update(const at::Tensor& counter, const at::Tensor& table, const at::Tensor& lr_scale,
                      const at::Tensor& fault, const at::Tensor& counts, const at::Tensor& loss,
                      const at::Tensor& gradient, const at::Tensor& params, const at::Tensor& first,
-                     const at::Tensor& second, const at::Tensor& direction,
-                     const at::Tensor& average_params, Ints matrices, Doubles adam, double momentum,
-                     const at::Tensor& grad_theta, const at::Tensor& q, const at::Tensor& first_q,
-                     const at::Tensor& second_q, const at::Tensor& theta,
-                     const at::Tensor& average_q, Doubles law_adam, const at::Tensor& variables,
+                     const at::Tensor& second, const at::Tensor& direction, Ints matrices,
+                     Doubles adam, double momentum, const at::Tensor& grad_theta,
+                     const at::Tensor& q, const at::Tensor& first_q, const at::Tensor& second_q,
+                     const at::Tensor& theta, Doubles law_adam, const at::Tensor& variables,
                      const at::Tensor& bounds, bool law_moves) {
     const c10::DeviceGuard guard(params.device());
     const auto sizes = ensemble_of(params);  // not as [E, P]: Clang's OpenMP cannot capture those
@@ -142,7 +136,6 @@ struct StepOps {
     tensors.changes("first", first, type, {E, P});
     tensors.changes("second", second, type, {E, P});
     tensors.changes("direction", direction, type, {E, P});
-    tensors.changes("average_params", average_params, type, {E, P});
     const std::int64_t N = check_law_variables(variables, bounds);
     tensors.reads("variables", variables, at::kLong, {E, N});
     tensors.reads("bounds", bounds, at::kDouble, {E, N, 2});
@@ -151,7 +144,6 @@ struct StepOps {
     tensors.changes("first_q", first_q, type, {E, N});
     tensors.changes("second_q", second_q, type, {E, N});
     tensors.changes("theta", theta, type, {E, N});
-    tensors.changes("average_q", average_q, type, {E, N});
     GRANPINN_CHECK_VALUE(finite(momentum), "momentum must be finite, got ", momentum);
     Region region[kMaxRegions] = {};
     const int regions = regions_of(matrices, P, region);
@@ -171,8 +163,7 @@ struct StepOps {
                                 at(q),
                                 at(first_q),
                                 at(second_q),
-                                at(theta),
-                                at(average_q)};
+                                at(theta)};
       UpdateArguments<T> a{control,
                            members,
                            P,
@@ -186,7 +177,6 @@ struct StepOps {
                            at(first),
                            at(second),
                            at(direction),
-                           at(average_params),
                            law};
       std::copy_n(region, regions, a.region);
       Backend::update(a);
@@ -195,9 +185,8 @@ struct StepOps {
 
   static void descend(const at::Tensor& counter, const at::Tensor& table,
                       const at::Tensor& lr_scale, const at::Tensor& fault, const at::Tensor& counts,
-                      const at::Tensor& G, const at::Tensor& params,
-                      const at::Tensor& average_params, std::int64_t offset, std::int64_t apart,
-                      double learning_rate, c10::string_view precision) {
+                      const at::Tensor& G, const at::Tensor& params, std::int64_t offset,
+                      std::int64_t apart, double learning_rate, c10::string_view precision) {
     const c10::DeviceGuard guard(params.device());
     const auto sizes = ensemble_of(params);
     const std::int64_t E = sizes.first, P = sizes.second;
@@ -210,7 +199,6 @@ struct StepOps {
     const std::int64_t L = G.size(1), size = checked_mul(G.size(2), G.size(3));
     InPlace tensors(params);
     tensors.changes("params", params, type, {E, P});
-    tensors.changes("average_params", average_params, type, {E, P});
     tensors.spans("G", G, false);
     GRANPINN_CHECK_VALUE(
         offset >= 0 &&
@@ -228,10 +216,9 @@ struct StepOps {
     if (G.numel() == 0) return;
     AT_DISPATCH_FLOATING_TYPES(type, "descend", [&] {
       using T = scalar_t;
-      Backend::descend(
-          DescendArguments<T>{control, members, P, offset, L, size, apart, learning_rate, nullptr,
-                              params.mutable_data_ptr<T>(), average_params.mutable_data_ptr<T>()},
-          G, precision);
+      Backend::descend(DescendArguments<T>{control, members, P, offset, L, size, apart,
+                                           learning_rate, nullptr, params.mutable_data_ptr<T>()},
+                       G, precision);
     });
   }
 };

@@ -70,7 +70,7 @@ inline Control control_of(InPlace& in, const at::Tensor& counter, const at::Tens
                           std::int64_t E, bool moves) {
   moves ? in.changes("counter", counter, at::kLong, {3})
         : in.reads("counter", counter, at::kLong, {3});
-  const std::int64_t columns = checked_add(2, E), rows = table.dim() == 2 ? table.size(0) : 0;
+  const std::int64_t columns = checked_add(1, E), rows = table.dim() == 2 ? table.size(0) : 0;
   GRANPINN_CHECK_VALUE(rows >= 1, "table must be [rows, ", columns, "] with at least one row, got ",
                        shape_of(table));
   in.reads("table", table, at::kDouble, {rows, columns});

@@ -78,7 +78,7 @@ def _(step, seed, stream, count, population):  # type: ignore[no-untyped-def]
 
 @torch.library.register_fake("granpinn::draw_batch")
 def _(counter, table, seeds, places, points, *rest):  # type: ignore[no-untyped-def]
-    interior, surface, _, *given = rest[5:]
+    interior, surface, *given = rest[5:]
     E = seeds.shape[0]
     of_points = ((interior, 3), (interior, 2), (interior, 2))
     source = (interior if given and given[0] is not None else 0, 2)
@@ -88,7 +88,7 @@ def _(counter, table, seeds, places, points, *rest):  # type: ignore[no-untyped-
 
 @torch.library.register_fake("granpinn::batch_loss")
 def _(counter, table, seeds, *rest):  # type: ignore[no-untyped-def]
-    params, theta = rest[10:12]
+    params, theta = rest[9:11]
     E = params.shape[0]
     shapes = ((E,), (E, len(NAMES)), params.shape, theta.shape)
     return tuple(params.new_empty(shape) for shape in shapes)

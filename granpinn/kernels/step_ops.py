@@ -1,7 +1,7 @@
 """The operators of one optimization step of E members; csrc/step.h describes each.
 
 A step copies nothing to the host. `counter` int64 [3] holds the number of the step, and `table`
-[rows, 2 + E] float64 the schedule of the next steps (granpinn/training/schedule.py). `update`
+[rows, 1 + E] float64 the schedule of the next steps (granpinn/training/schedule.py). `update`
 and `descend` change tensors in place.
 
 `draw_batch` returns the points of a batch and the weights of its terms, then the source there;
@@ -44,7 +44,6 @@ class Draw(NamedTuple):
         data: the points of all members, one after another.
         term_weights: [E, 5].
         interior, surface: points of a batch.
-        share: number of the part of a larger batch that is drawn.
     """
 
     counter: Tensor
@@ -55,7 +54,6 @@ class Draw(NamedTuple):
     term_weights: Tensor
     interior: int
     surface: int
-    share: int = 0
 
 
 def batch_loss(
@@ -73,8 +71,8 @@ def batch_loss(
 
     The input map of `spec` and `physics` are tensors [E, ...]. On a GPU it also packs the weights.
     """
-    *control, (*points, source), term_weights, interior, surface, share = draw
-    drawn = (*control, *points, term_weights, interior, surface, share)
+    *control, (*points, source), term_weights, interior, surface = draw
+    drawn = (*control, *points, term_weights, interior, surface)
     form = spec.form if equations else "data"
     network = (spec.widths, spec.input_shift, spec.input_scale, physics, form)
     out: tuple[Tensor, Tensor, Tensor, Tensor] = torch.ops.granpinn.batch_loss(

@@ -67,9 +67,9 @@ def batch_loss(
     equations: bool,
 ) -> Losses:
     """As `granpinn.kernels.step_ops.batch_loss`; `precision` has no effect."""
-    *control, (*data, source), weights, interior, surface, share = draw
+    *control, (*data, source), weights, interior, surface = draw
     *drawn, term_weights, force = _ops.draw_batch(
-        *control, *data, weights, interior, surface, share, source
+        *control, *data, weights, interior, surface, source
     )
     batch = LossPoints._make([*drawn, None if source is None else force])
     found = []

@@ -76,8 +76,6 @@ class BatchOptimizer:
         self.first, self.second = torch.zeros_like(params), torch.zeros_like(params)
         self.first_q, self.second_q = torch.zeros_like(q), torch.zeros_like(q)
         self.direction = torch.zeros_like(params)
-        # The operators also keep running averages. Their weight in the control table is 0.
-        self._averages = torch.zeros_like(params), torch.zeros_like(q)
 
     def step(
         self, loss: Tensor, grad_params: Tensor, grad_theta: Tensor, law_moves: bool = True
@@ -92,7 +90,6 @@ class BatchOptimizer:
         """
         s, c, law = self.settings, self.control, self.law_variables
         state = (c.counter, c.table, c.lr_scale, c.fault, self.counts)
-        of_params, of_q = self._averages
         rest = [BETA_1, s.beta_2, s.epsilon]
         _ops.update(
             *state,
@@ -102,7 +99,6 @@ class BatchOptimizer:
             self.first,
             self.second,
             self.direction,
-            of_params,
             self.matrices,
             [s.learning_rate, *rest],
             s.momentum,
@@ -111,7 +107,6 @@ class BatchOptimizer:
             self.first_q,
             self.second_q,
             law.theta,
-            of_q,
             [s.scalars_learning_rate, *rest],
             law.codes,
             law.bounds,
@@ -120,8 +115,7 @@ class BatchOptimizer:
         for g in self.groups:
             rate = s.muon_learning_rate * math.sqrt(max(1.0, g.m / g.n))  # 1 for square matrices
             G = g.of(self.direction)
-            places = (g.offset, g.apart, rate, self.precision)
-            _ops.descend(*state, G, self.params, of_params, *places)
+            _ops.descend(*state, G, self.params, g.offset, g.apart, rate, self.precision)
 
     def reset(self) -> None:
         """Set all momenta to zero, because the loss changes."""

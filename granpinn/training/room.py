@@ -4,7 +4,7 @@ The numbers come from the peak memory of trainings of many sizes, and differ fro
 at most 2 (tests/training/test_room.py). s is the size of a number, P the number of parameters of
 a network, F the number of its last hidden units and the bias:
 
-    networks     of each member 16 s P: parameters, gradient, both moments, average, direction of
+    networks     of each member 16 s P: parameters, gradient, both moments, direction of
                  the step, and a copy of what a rollback needs. A checkpoint takes half of that
                  again, and so does each copy that trains on with another assumption. Each thread
                  has a gradient and its sum in float64.

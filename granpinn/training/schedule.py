@@ -93,8 +93,8 @@ class ControlTable:
         velocity_factors: of every member, `Problem.velocity_factor`.
 
     Attributes:
-        table: [ROWS, 2 + E] float64: factor on the learning rates, 0 (weight of the parameters in
-            a running average), factor on the weight of each member's velocity term.
+        table: [ROWS, 1 + E] float64: factor on the learning rates, and on the weight of the
+            velocity term of each member.
         counter: int64 [3]: step, step of the table's first row, and 0 (used by the update).
         lr_scale: float64 [E], a factor on the learning rates of a member.
         fault: int64 [E], code of the first fault of a member; HEALTHY without one.
@@ -105,7 +105,7 @@ class ControlTable:
         self, velocity_factors: Sequence[VelocityFactor], config: Config, device: torch.device
     ) -> None:
         E = len(velocity_factors)
-        self.table = torch.zeros(ROWS, 2 + E, dtype=torch.float64, device=device)
+        self.table = torch.zeros(ROWS, 1 + E, dtype=torch.float64, device=device)
         self.counter = torch.zeros(3, dtype=torch.int64, device=device)
         self.lr_scale = torch.ones(E, dtype=torch.float64, device=device)
         self.fault = torch.full((E,), HEALTHY, dtype=torch.int64, device=device)
@@ -113,7 +113,7 @@ class ControlTable:
         self._velocity_factors = list(velocity_factors)
         self._loaded: tuple[object, ...] | None = None  # inputs of the rows on the device
         self._first = self._next = 0  # step of the first row, and step of the counter
-        self._rows = np.empty((0, 2 + E))
+        self._rows = np.empty((0, 1 + E))
         self._ahead: tuple[tuple[object, ...], Float64] | None = None
 
     def prepare(
@@ -146,18 +146,17 @@ class ControlTable:
         self._next = step + steps
 
     def rows(self, schedule: Schedule, step: int, misfit: Sequence[float]) -> Float64:
-        """The rows [stretch, 2 + E] from `step` on; those of the last call are kept."""
+        """The rows [stretch, 1 + E] from `step` on; those of the last call are kept."""
         at = (schedule, step, tuple(misfit))
         if self._ahead is not None and self._ahead[0] == at:
             return self._ahead[1]
-        rows = np.ones((self.stretch, 2 + len(self._velocity_factors)))
+        rows = np.ones((self.stretch, 1 + len(self._velocity_factors)))
         pairs = zip(self._velocity_factors, misfit, strict=True)
         factors = [factor(value) for factor, value in pairs]
         for k, row in enumerate(rows, start=step):
             row[0] = schedule.learning_rate(k)
-            row[1] = 0.0
             if not schedule.in_prefit(k):
-                row[2:] = factors
+                row[1:] = factors
         self._ahead = (at, rows)
         return rows
 

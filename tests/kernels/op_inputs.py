@@ -186,7 +186,7 @@ INPUTS: dict[str, dict[str, Make]] = {
     "orthogonalize": rows(
         matrices, [(0, 4), (4, 4), (3, 5, 2), (2, 1, 33, 4), (0, 2, 3)], FLOATS, ("fp32", "fast")
     ),
-    "draw_batch": rows(step_inputs.draw, SIZES, FLOATS, (0, 2), (False, True), share=2),
+    "draw_batch": rows(step_inputs.draw, SIZES, FLOATS, (False, True)),
     "batch_loss": rows(
         step_inputs.batch_loss, SIZES, FLOATS, ("mixed", "data"), (False, True), share=2
     ),

@@ -22,8 +22,8 @@ def batch_arguments(dtype: torch.dtype, device: torch.device | str = "cpu") -> l
     """All but the sizes; the first row of the control table belongs to STEP - 1."""
     N, M = (sum(sizes) for sizes in zip(*SIZES, strict=True))
     places = [[0, 50, 0, 8], [50, 20, 8, 5]]
-    table = torch.ones(4, 2 + len(MEMBERS), dtype=torch.float64)
-    table[1, 2:] = torch.tensor([0.5, 0.25, 2.0])
+    table = torch.ones(4, 1 + len(MEMBERS), dtype=torch.float64)
+    table[1, 1:] = torch.tensor([0.5, 0.25, 2.0])
     tensors = [
         torch.tensor([STEP, STEP - 1, 0]),
         table,
@@ -54,7 +54,7 @@ def state(E: int, device: str = "cpu") -> list[Tensor]:
     """counter, table, lr_scale, fault, counts."""
     return [
         torch.zeros(3, dtype=torch.int64, device=device),
-        torch.ones(2, 2 + E, dtype=torch.float64, device=device),
+        torch.ones(2, 1 + E, dtype=torch.float64, device=device),
         torch.ones(E, dtype=torch.float64, device=device),
         torch.full((E,), HEALTHY, device=device),
         torch.zeros(E, 2, dtype=torch.int64, device=device),
@@ -62,10 +62,10 @@ def state(E: int, device: str = "cpu") -> list[Tensor]:
 
 
 def update_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
-    """Loss and network from 5 on, those of the friction law from 15 on."""
+    """Loss and network from 5 on, those of the friction law from 14 on."""
     adam = [1e-3, 0.9, 0.99, 1e-8]
-    network = [torch.rand(E, *(P,) * (i > 0), dtype=dtype) for i in range(7)]
-    law = [torch.rand(E, 3, dtype=dtype) for _ in range(6)]
+    network = [torch.rand(E, *(P,) * (i > 0), dtype=dtype) for i in range(6)]
+    law = [torch.rand(E, 3, dtype=dtype) for _ in range(5)]
     codes = [step_ops.VARIABLES[kind] for kind in ("log", "log_above", "fixed")]
     variables = torch.tensor(codes).repeat(E, 1)
     limits = torch.tensor([[-4.0, 1.0], [-4.0, 1.0], [0.0, 0.0]], dtype=torch.float64)
@@ -74,21 +74,19 @@ def update_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
 
 
 def descend_arguments(E: int, P: int, dtype: torch.dtype) -> list[Any]:
-    direction, params, average = (torch.rand(E, P + 14, dtype=dtype) for _ in range(3))
+    direction, params = (torch.rand(E, P + 14, dtype=dtype) for _ in range(2))
     group = ParameterGroup(3, 2, 2, 3)
     places = (group.offset, group.apart, 0.1, "fast")
-    return [*state(E), group.of(direction), params, average, *places]
+    return [*state(E), group.of(direction), params, *places]
 
 
 def source(dtype: torch.dtype, device: str | torch.device = "cpu") -> Tensor:
     return torch.randn(sum(N for N, _ in SIZES), 2, dtype=dtype).to(device)
 
 
-def draw(
-    sizes: tuple[int, int], dtype: torch.dtype, share: int, sourced: bool = False
-) -> tuple[Any, ...]:
+def draw(sizes: tuple[int, int], dtype: torch.dtype, sourced: bool = False) -> tuple[Any, ...]:
     given = (source(dtype),) if sourced else ()
-    return (*batch_arguments(dtype), *sizes, share, *given)
+    return (*batch_arguments(dtype), *sizes, *given)
 
 
 def batch_loss(
@@ -96,7 +94,7 @@ def batch_loss(
 ) -> tuple[Any, ...]:
     *rest, _, law, precision = loss_arguments(len(MEMBERS), dtype)
     given = (source(dtype),) if sourced else ()
-    return (*draw(sizes, dtype, 0), *rest, form, law, precision, *given)
+    return (*draw(sizes, dtype), *rest, form, law, precision, *given)
 
 
 def update(E: int, P: int, dtype: torch.dtype, law_moves: bool) -> tuple[Any, ...]:

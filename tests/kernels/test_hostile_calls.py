@@ -36,7 +36,7 @@ def test_hostile_calls_do_not_end_the_process(seed: int) -> None:
 )
 def test_an_offset_beyond_the_parameters(offset: int, apart: int) -> None:
     arguments = descend_arguments(3, 10, torch.float32)
-    arguments[8:10] = offset, apart
+    arguments[7:9] = offset, apart
     with pytest.raises(ValueError, match=r"must lie apart within 24|below 2\^63"):
         torch.ops.granpinn.descend(*arguments)
 
@@ -51,26 +51,20 @@ def test_places_beyond_the_points(place: list[int], device: torch.device) -> Non
     arguments[3][1, :2] = torch.tensor(place)
     if device.type == "cpu":
         with pytest.raises(ValueError, match="within the 70 points, got .* for member 1"):
-            torch.ops.granpinn.draw_batch(*arguments, 13, 6, 0)
+            torch.ops.granpinn.draw_batch(*arguments, 13, 6)
         return
-    points, velocity, weights, *rest = torch.ops.granpinn.draw_batch(*arguments, 13, 6, 0)
+    points, velocity, weights, *rest = torch.ops.granpinn.draw_batch(*arguments, 13, 6)
     for drawn in (points, velocity, weights):
         assert drawn[1].isnan().all()
         assert drawn[[0, 2]].isfinite().all()
     assert all(drawn.isfinite().all() for drawn in rest)
 
 
-def test_a_batch_of_more_points_than_the_generator_has() -> None:
-    for share, interior in ((2**62, 4), (2**20, 2**13), (0, 2**33)):
-        with pytest.raises(ValueError, match=r"below 2\^63|at most 2\^32 points"):
-            torch.ops.granpinn.draw_batch(*batch_arguments(torch.float32), interior, 0, share)
-
-
-@pytest.mark.parametrize("at", [7, 9, 16, 20])
+@pytest.mark.parametrize("at", [7, 9, 15, 17])
 def test_tensors_that_share_memory(at: int) -> None:
-    """The parameters with a moment of them, with the averages, and the same of the law."""
+    """The parameters with a moment of them, both moments, and the same of the law."""
     arguments = update_arguments(3, 10, torch.float32)
-    same = 8 if at < 15 else 19
+    same = 8 if at < 14 else 16
     arguments[at] = arguments[same]
     with pytest.raises(ValueError, match="must not share memory with .*: pass a clone"):
         torch.ops.granpinn.update(*arguments)
@@ -85,8 +79,8 @@ def bounds_of(limits: list[float]) -> torch.Tensor:
 
 @pytest.mark.parametrize(
     ("at", "value"),
-    [(13, [NAN, 0.9, 0.99, 0]), (13, [1e-3, 1.0, 0.99, 0]), (21, [1e-3, 0.9, 0.99, -1]),
-     (14, INF), (23, bounds_of([-4.0, NAN, -4, 1, 0, 0])), (23, bounds_of([2.0, 1, -4, 1, 0, 0]))],
+    [(12, [NAN, 0.9, 0.99, 0]), (12, [1e-3, 1.0, 0.99, 0]), (19, [1e-3, 0.9, 0.99, -1]),
+     (13, INF), (21, bounds_of([-4.0, NAN, -4, 1, 0, 0])), (21, bounds_of([2.0, 1, -4, 1, 0, 0]))],
 )  # fmt: skip
 def test_settings_that_are_no_numbers(at: int, value: float | list[float] | torch.Tensor) -> None:
     arguments = update_arguments(3, 10, torch.float32)

@@ -154,15 +154,14 @@ def test_descent_in_one_launch(shape: tuple[int, int, int], cuda_ops: ModuleType
     group = ParameterGroup(3, *shape)
     params, direction = torch.randn(2, 2, 5 + group.count * group.apart)
     counter, counts = torch.tensor([1, 0, 0]), torch.zeros(2, 2, dtype=torch.int64)
-    table, lr_scale = torch.ones(1, 4, dtype=torch.float64), torch.ones(2, dtype=torch.float64)
+    table, lr_scale = torch.ones(1, 3, dtype=torch.float64), torch.ones(2, dtype=torch.float64)
     places = (group.offset, group.apart, 1.0, "fast")
     state = (counter, table, lr_scale, torch.tensor([HEALTHY, 0]), counts)
     moves = {}
     for device in ("cpu", "cuda"):
         G, now = group.of(direction.to(device)), params.to(device, copy=True)
-        average = torch.zeros_like(now)
         there = (tensor.to(device) for tensor in state)
-        torch.ops.granpinn.descend(*there, G, now, average, *places)
+        torch.ops.granpinn.descend(*there, G, now, *places)
         moves[device] = now.cpu() - params
     assert not moves["cpu"][1].any()
     assert not moves["cuda"][1].any()

@@ -28,18 +28,15 @@ from .step_inputs import (
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-@pytest.mark.parametrize("share", [0, 3])
-def test_a_batch_is_what_the_indices_say(
-    dtype: torch.dtype, share: int, device: torch.device
-) -> None:
+def test_a_batch_is_what_the_indices_say(dtype: torch.dtype, device: torch.device) -> None:
     arguments, force = batch_arguments(dtype, device), source(dtype, device)
-    *found, forces = torch.ops.granpinn.draw_batch(*arguments, 13, 6, share, force)
+    *found, forces = torch.ops.granpinn.draw_batch(*arguments, 13, 6, force)
     data = [t.cpu() for t in arguments[4:9]]
     for e, (which, seed) in enumerate(MEMBERS):
         begin, surface_begin = (0, 0) if which == 0 else SIZES[0]
         N, M = SIZES[which]
-        i = begin + ops.sample_indices(seed, STEP, INTERIOR, 13 * (share + 1), N)[-13:]
-        j = surface_begin + ops.sample_indices(seed, STEP, SURFACE, 6 * (share + 1), M)[-6:]
+        i = begin + ops.sample_indices(seed, STEP, INTERIOR, 13, N)
+        j = surface_begin + ops.sample_indices(seed, STEP, SURFACE, 6, M)
         for drawn, tensor, at in zip(found, data, (i, i, i, j, j), strict=False):
             assert torch.equal(drawn[e].cpu(), tensor[at])
         assert torch.equal(forces[e].cpu(), force.cpu()[i])
@@ -62,8 +59,8 @@ def test_the_loss_of_a_batch_is_that_of_what_is_drawn(
     rest = [*rest, form, law, precision]
     for _ in range(5):
         params.mul_(1.01)
-        found = torch.ops.granpinn.batch_loss(*arguments, *sizes, 1, params, theta, *rest, *force)
-        *drawn, forces = torch.ops.granpinn.draw_batch(*arguments, *sizes, 1, *force)
+        found = torch.ops.granpinn.batch_loss(*arguments, *sizes, params, theta, *rest, *force)
+        *drawn, forces = torch.ops.granpinn.draw_batch(*arguments, *sizes, *force)
         given = (forces,) if sourced else ()
         expected = torch.ops.granpinn.residual_loss(params, theta, *drawn, *rest, *given)
         for a, b in zip(found, expected, strict=True):
@@ -72,12 +69,11 @@ def test_the_loss_of_a_batch_is_that_of_what_is_drawn(
 
 
 CALLS = {
-    "draw_batch": lambda E, P, dtype: [*batch_arguments(dtype), P, E, 0],
+    "draw_batch": lambda E, P, dtype: [*batch_arguments(dtype), P, E],
     "batch_loss": lambda E, P, dtype: [
         *batch_arguments(dtype),
         P,
         E,
-        0,
         *loss_arguments(len(MEMBERS), dtype),
     ],
     "update": update_arguments,
@@ -98,31 +94,32 @@ REFUSED: dict[str, tuple[str, int, Any, str]] = {
     "members": ("update", 3, torch.zeros(2, dtype=torch.int64), r"fault must be \[3\]"),
     "counter": ("update", 0, torch.zeros(2, dtype=torch.int64), r"counter must be \[3\]"),
     "count": ("update", 0, torch.tensor([0, 0, -1]), "last number of counter must be 0, got -1"),
-    "table": ("update", 1, torch.zeros(2, 3).double(), r"table must be \[2, 5\]"),
-    "overlap": ("update", 12, [2, 6, 7, 3], "matrices must be ascending and apart"),
-    "beyond": ("update", 12, [2, 4, 7, 4], "matrices must end within 10 parameters"),
-    "odd": ("update", 12, [2], r"matrices must be \(begin, size\)"),
-    "rates": ("update", 21, [0.1], r"adam must be \[learning_rate, beta_1"),
-    "variables": ("update", 22, codes([1, 2, 4]), "variables must be in 0..3, got 4"),
+    "table": ("update", 1, torch.zeros(2, 3).double(), r"table must be \[2, 4\]"),
+    "overlap": ("update", 11, [2, 6, 7, 3], "matrices must be ascending and apart"),
+    "beyond": ("update", 11, [2, 4, 7, 4], "matrices must end within 10 parameters"),
+    "odd": ("update", 11, [2], r"matrices must be \(begin, size\)"),
+    "rates": ("update", 19, [0.1], r"adam must be \[learning_rate, beta_1"),
+    "variables": ("update", 20, codes([1, 2, 4]), "variables must be in 0..3, got 4"),
     "nothing below": (
         "update",
-        22,
+        20,
         codes([2, 1, 0]),
         "the first parameter of a law has no",
     ),
-    "too many": ("update", 22, codes([1] * 11), r"variables must be \[E, 1 to 10\], got \[3, 11\]"),
-    "bounds": ("update", 23, torch.zeros(3, 3).double(), r"bounds must be \[3, 3, 2\]"),
-    "low bound": ("update", 23, -torch.arange(18.0).double().view(3, 3, 2), "low <= high, got"),
-    "theta": ("update", 19, torch.rand(3, 2), r"theta must be \[3, 3\]"),
-    "apart": ("descend", 9, 5, "the matrices must lie apart"),
+    "too many": ("update", 20, codes([1] * 11), r"variables must be \[E, 1 to 10\], got \[3, 11\]"),
+    "bounds": ("update", 21, torch.zeros(3, 3).double(), r"bounds must be \[3, 3, 2\]"),
+    "low bound": ("update", 21, -torch.arange(18.0).double().view(3, 3, 2), "low <= high, got"),
+    "theta": ("update", 18, torch.rand(3, 2), r"theta must be \[3, 3\]"),
+    "apart": ("descend", 8, 5, "the matrices must lie apart"),
     "matrices": ("descend", 5, torch.rand(2, 2, 2, 3), r"G must be \[3, L, m, n\], got \[2, 2"),
     "of a type": ("descend", 5, torch.rand(3, 2, 2, 3).double(), "G must have the type and device"),
-    "precision": ("descend", 11, "half", "precision must be 'fp32' or 'fast', got 'half'"),
+    "precision": ("descend", 10, "half", "precision must be 'fp32' or 'fast', got 'half'"),
     "its precision": ("orthogonalize", 1, "tf32", "precision must be 'fp32' or 'fast', got 'tf32'"),
     "stack": ("orthogonalize", 0, torch.rand(3), r"G must be \[..., m, n\], got \[3\]"),
     "no points": ("draw_batch", 4, torch.rand(0, 3), r"velocity must be \[0, 2\]"),
     "integers": ("draw_batch", 2, torch.zeros(3), "seeds must be Long on cpu, got"),
-    "negative": ("draw_batch", 12, -1, "must not be negative"),
+    "negative": ("draw_batch", 11, -1, r"must be in \[0, 2\^32\], got"),
+    "too large": ("draw_batch", 10, 2**33, r"must be in \[0, 2\^32\], got"),
 }
 
 
@@ -168,16 +165,12 @@ def test_update_on_the_gpu_is_that_on_the_cpu(
 def test_descend_subtracts_the_orthogonal_factor(
     shape: tuple[int, int, int], dtype: torch.dtype, precision: str, device: torch.device
 ) -> None:
-    """Of sound members, from the matrices alone, at each one's own rate; and bit for bit again.
-
-    So is the running average of them made.
-    """
+    """Of sound members, from the matrices alone, at each one's own rate; and bit for bit again."""
     group, E = ParameterGroup(5, *shape), 3
     P = group.offset + group.count * group.apart + 7
     direction, params = (torch.randn(E, P, dtype=dtype, device=device) for _ in range(2))
     counter, table, lr_scale, fault, counts = state(E, str(device))
-    table[:, 0], table[:, 1], lr_scale[0], fault[1], counter[0] = 0.5, 0.75, 0.25, 0, 1
-    average = torch.zeros_like(params)
+    table[:, 0], lr_scale[0], fault[1], counter[0] = 0.5, 0.25, 0, 1
     expected = params.to(torch.float64, copy=True)
     U = torch.ops.granpinn.orthogonalize(group.of(direction), precision).double()
     rates = 0.1 * 0.5 * torch.tensor([0.25, 0.0, 1.0], dtype=torch.float64, device=device)
@@ -187,19 +180,14 @@ def test_descend_subtracts_the_orthogonal_factor(
         now = start.clone()
         places = (group.offset, group.apart, 0.1, precision)
         G = group.of(direction)
-        average.zero_()
         steered = (counter, table, lr_scale, fault, counts)
-        torch.ops.granpinn.descend(*steered, G, now, average, *places)
+        torch.ops.granpinn.descend(*steered, G, now, *places)
         return now
 
     found = descend(params)
     atol = 4 * torch.finfo(dtype).eps * float(params.abs().max())
     torch.testing.assert_close(found.double(), expected, rtol=0, atol=atol)
     assert torch.equal(found[1], params[1])
-    mean = torch.zeros_like(expected)
-    group.of(mean).copy_(0.75 * group.of(expected))
-    mean[1] = 0
-    torch.testing.assert_close(average.double(), mean, rtol=0, atol=atol)
     still = torch.ones_like(params)
     group.of(still).zero_()
     assert torch.equal(found * still, params * still)

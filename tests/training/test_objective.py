@@ -56,7 +56,7 @@ def evaluation(
     """What the step would be given, without making it."""
     control = trainer.control
     control.counter.copy_(torch.tensor([step, step, step]))
-    control.table[0, 2:] = relaxation
+    control.table[0, 1:] = relaxation
     return trainer.objective.evaluate(control, trainer.params, trainer.law_variables.theta, prefit)
 
 

@@ -39,7 +39,6 @@ class Updates:
         self.law = LawVariables([DEFAULT] * len(fixed), Rheology(), fixed, seeds, self.params)
         self.control = ControlTable([lambda _: 1.0] * len(params), Config(), self.params.device)
         self.control.table.fill_(1)
-        self.control.table[:, 1] = 0
         self.optimizer = BatchOptimizer(
             self.params, self.law, WIDTHS, Optimizer(method=method, **changes), self.control
         )

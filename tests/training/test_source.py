@@ -71,7 +71,7 @@ def test_a_batch_is_the_reference_loss_with_its_source(case: Case, operators: ob
     theta = torch.tensor([[0.4, 0.64, 0.3]], dtype=torch.float64).repeat(2, 1)
 
     def control(members: int) -> SimpleNamespace:
-        table = torch.ones(1, 2 + members, dtype=torch.float64)
+        table = torch.ones(1, 1 + members, dtype=torch.float64)
         return SimpleNamespace(counter=torch.tensor([9, 9, 0]), table=table)
 
     found = objective.evaluate(control(2), params, theta, prefit=False)  # type: ignore[arg-type]

@@ -148,12 +148,11 @@ __device__ void orthogonalize(Iteration& x, unsigned char* memory, int m, int n,
   }
 }
 
-// W -= rate U for one matrix, and the running average of W. W is in the staging area.
+// W -= rate U for one matrix. W is in the staging area.
 __device__ void descend(const DescendArguments<float>& d, std::int64_t e, std::int64_t step,
                         Matrix<float> W, Iteration& x, float* staging) {
-  const double* control = d.control.row(step);
-  const auto rate = static_cast<float>(d.learning_rate * control[0] * d.members.lr_scale[e]);
-  const auto weight = static_cast<float>(control[1]);
+  const auto rate =
+      static_cast<float>(d.learning_rate * d.control.row(step)[0] * d.members.lr_scale[e]);
   bool good = true;
   each_pair(x, staging, [&](const float* U, float* w) {
     good &= granpinn::descend(rate, U[0], w);
@@ -161,11 +160,7 @@ __device__ void descend(const DescendArguments<float>& d, std::int64_t e, std::i
   });
   if (!good) note(d.members.fault + e, step, kParams);
   __syncthreads();
-  float* average = d.average_params + (W.values - d.params);
   W.each([=](float* to, int at) { *to = staging[at]; });
-  if (weight > 0)
-    Matrix<float>{average, W.m, W.n}.each(
-        [=](float* to, int at) { *to = interpolate(*to, staging[at], weight); });
 }
 
 template <bool Descends>
