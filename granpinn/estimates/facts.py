@@ -36,8 +36,8 @@ from granpinn.data.flow import Particles
 from granpinn.data.symmetry import invariant_axes
 from granpinn.estimates.gradients import Gradients, View, gradients, shear_rate, view_of
 from granpinn.estimates.lattice import ROUNDING, lattice_step
+from granpinn.estimates.local_fits import quadratic_basis
 from granpinn.estimates.noise import Noise, grid_noise, of_pairs
-from granpinn.estimates.quadratic_fits import quadratic_basis
 from granpinn.physics.scales import Scales
 
 NEIGHBORS = 24

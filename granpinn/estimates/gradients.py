@@ -1,26 +1,21 @@
 r"""A flow on one dimensionless grid, and the derivatives of its velocities with known errors.
 
 The view of a flow of either layout has the mean of the vectors in every cell. Derivatives are those
-of local linear least squares: in a window of cells around every cell, $u \approx u_0 + u_t\,\delta
-t + u_y\,\delta y + u_x\,\delta x$. The weight of a cell is its number of vectors. All windows are
-solved at once from moments, which are convolutions over cells of even spacing. An axis of two cells
-has no slope and an infinite error. In a steady flow $u_t = 0$ without an error. With white noise of
-standard deviation $\sigma$ the coefficients have the covariance $\sigma^2 M^{-1}$, with the matrix
-$M$ of second moments.
+of local fits of order 1, in which the weight of a cell is its number of vectors (local_fits.py). An
+axis of two cells has no slope and an infinite error. In a steady flow $u_t = 0$ without an error.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 
 import numpy as np
-from scipy.ndimage import correlate1d
 
 from granpinn.arrays import Bool, Float32, Float64, Index, nearest
 from granpinn.data import Flow
 from granpinn.data.scaling import equation_constants
+from granpinn.estimates.local_fits import local_fits
 from granpinn.physics.scales import Scales
 
 
@@ -104,11 +99,8 @@ def _counts(flow: Flow) -> Float64:
 
 
 LARGEST_HALF_WIDTH = 4  # of a window in cells, the same in t, y and x
-AT_ONCE = 2**18  # windows that are solved at a time
 # The window grows until the error of the shear rate is below this part of its rms.
 WANTED_ERROR = 0.1
-# A window must constrain its slopes: smallest over largest eigenvalue of the scaled moments.
-LEAST_RANK = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,62 +168,23 @@ def gradients(view: View, sigma: float) -> Gradients:
 
 
 def _fit(view: View, sigma: float, m: int) -> Gradients:
-    steps = view.steps
     half = [min(m, (n - 1) // 2) for n in view.count.shape]
-    # Offsets in units of the half-width, so that the moments are of one size.
-    offsets = [np.arange(-h, h + 1) / max(h, 1) for h in half]
-
-    def moment(values: Float64, powers: tuple[int, ...]) -> Float64:
-        for axis, power in enumerate(powers):
-            if len(offsets[axis]) > 1:
-                values = correlate1d(values, offsets[axis] ** power, axis=axis, mode="constant")
-        return np.asarray(values)
-
-    index = np.nonzero(view.there)
-    sloped = [axis for axis in range(int(view.steady), 3) if half[axis] > 0]
-    base = [(0, 0, 0), *(tuple(int(a == axis) for a in range(3)) for axis in sloped)]
-    matrix = np.empty((index[0].size, len(base), len(base)))
-    for i, j in combinations_with_replacement(range(len(base)), 2):
-        powers = tuple(a + b for a, b in zip(base[i], base[j], strict=True))
-        matrix[:, i, j] = matrix[:, j, i] = moment(view.count, powers)[index]
-    right = np.empty((index[0].size, len(base), 2))
-    for k, values in enumerate((view.u, view.v)):
-        weighted = values * view.count
-        for i, powers in enumerate(base):
-            right[:, i, k] = moment(weighted, powers)[index]
-    solved = [
-        _solved(matrix[k : k + AT_ONCE], right[k : k + AT_ONCE])
-        for k in range(0, max(len(matrix), 1), AT_ONCE)
-    ]
-    solvable, solution, variance = (np.concatenate(part) for part in zip(*solved, strict=True))
-    slopes = np.zeros((len(solution), 3, 2))
-    sd = np.full((len(solution), 3), np.inf)
-    if view.steady:
-        sd[:, 0] = 0.0
-    for i, axis in enumerate(sloped, 1):
-        unit = half[axis] * steps[axis]
-        slopes[:, axis] = solution[:, i] / unit
-        sd[:, axis] = sigma * np.sqrt(variance[:, i]) / unit
-    place = tuple(i[solvable] for i in index)
+    half[0] *= not view.steady
+    found = local_fits([view.u, view.v], view.count, view.steps, (half[0], half[1], half[2]), 1)
+    sd = sigma * found.sd
+    for axis in range(int(view.steady), 3):
+        if half[axis] == 0:
+            sd[:, axis] = np.inf
     return Gradients(
-        index=place,
-        vectors=view.count[place],
-        u=solution[:, 0, 0],
-        v=solution[:, 0, 1],
-        du=slopes[..., 0],
-        dv=slopes[..., 1],
+        index=found.index,
+        vectors=view.count[found.index],
+        u=found.value[:, 0],
+        v=found.value[:, 1],
+        du=found.slopes[..., 0],
+        dv=found.slopes[..., 1],
         sd=sd,
         half_width=m,
     )
-
-
-def _solved(matrix: Float64, right: Float64) -> tuple[Bool, Float64, Float64]:
-    """Which windows constrain their slopes [K], and of those the coefficients and the diagonal of
-    the inverse of the moments [k, n, 2] and [k, n]."""
-    eigenvalues = np.linalg.eigvalsh(matrix / np.maximum(matrix[:, :1, :1], 1.0))
-    solvable = eigenvalues[:, 0] > LEAST_RANK * eigenvalues[:, -1]
-    inverse = np.linalg.inv(matrix[solvable])
-    return solvable, inverse @ right[solvable], np.diagonal(inverse, axis1=1, axis2=2)
 
 
 def shear_rate(u_x: Float64, u_y: Float64, v_x: Float64, v_y: Float64, bias: Float64) -> Float64:

@@ -43,7 +43,7 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Float64, Index, Int8
 from granpinn.estimates.gradients import View
-from granpinn.estimates.quadratic_fits import quadratic_basis
+from granpinn.estimates.local_fits import quadratic_basis
 
 FEWEST = 50  # values below which there is no estimate
 NORMAL = 1.4826  # standard deviation over median absolute deviation of normal deviates

@@ -28,7 +28,7 @@ from granpinn.arrays import Bool, Float64, Index
 from granpinn.data import Flow
 from granpinn.data.flow import WALL_GAP
 from granpinn.data.surface import STEEP, folded, line_heights
-from granpinn.estimates.quadratic_fits import line_slopes, noise_of, smooth
+from granpinn.estimates.local_fits import line_slopes, local_fits
 from granpinn.physics.side_walls import AT_REST, coefficient
 
 NO_TOP = "the flow has no surface line, from which the stress is counted"
@@ -97,6 +97,7 @@ FULL_ROW = 0.95
 MOST_CELLS = 25_000  # frames are left out from this number of vectors on
 FEWEST_FRAMES = 5  # of a flow that changes with time
 FEWEST_CELLS = 20  # that the law is fitted to
+LEAST_LEFT = 0.1  # of the variance of the noise, by local fits that show it
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +144,10 @@ def momentum_balance(
     if isinstance(chosen, str):
         return chosen
     found = [_kinematics(pose, int(k), half) for k in chosen]
-    a_x, a_y, d_xx, d_xy, c, below, rest, *v = (np.stack(part) for part in zip(*found, strict=True))
-    _, dy, dx = spacing = _spacing(flow, slice(None))
+    a_x, a_y, d_xx, d_xy, c, below, rest, left, of_rate, *v = (
+        np.stack(part) for part in zip(*found, strict=True)
+    )
+    _, dy, dx = _spacing(flow, slice(None))
     rate = 2 * np.hypot(d_xx, d_xy)
     known = np.isfinite(a_x) & (rate > 0)
     nan = np.full_like(rate, np.nan)
@@ -156,9 +159,9 @@ def momentum_balance(
         full &= pose.clear[chosen][:, None]
     if not full.any():
         return "no full cell lies below a surface line that is not steep and does not fold"
-    of_slope = noise_of(_windows(flow, half), spacing)
-    sigma = float(np.sqrt(rest[full].mean()) / of_slope[3])
-    error = sigma * float(np.hypot(of_slope[1], of_slope[2]))
+    noise = float(left[full].mean())
+    sigma = float(np.sqrt(rest[full].mean() / noise)) if noise > LEAST_LEFT else np.nan
+    error = sigma * float(np.median(of_rate[full]))
     usual = float(np.median(gdot[full]))
     full &= (np.abs(n_xy) > LEAST_SHEAR) & (gdot > RATE_OVER_NOISE * error)
     gdot = np.sqrt(np.maximum(gdot**2 - error**2, 0.0))
@@ -278,7 +281,8 @@ def _frames(pose: Upright, half: int) -> Index | str:
 
 
 def _kinematics(pose: Upright, k: int, half: int) -> tuple[Float64, ...]:
-    """a_x, a_y, d_xx, d_xy, c, depth, squared rest of the fit, u, v of one frame [Y, X]."""
+    """a_x, a_y, d_xx, d_xy, c, depth, squared rest of the fit and the share of the noise in it,
+    error of the shear rate for errors of 1, u, v of one frame [Y, X]."""
     flow = pose.flow
     frames = _windows(flow, half)[0]
     before = min(frames, k)
@@ -288,17 +292,29 @@ def _kinematics(pose: Upright, k: int, half: int) -> tuple[Float64, ...]:
     if flow.periodic:
         u, v, c = (mean_along_x(a, u) for a in (u, v, c))
         height = np.nanmean(height, keepdims=True)
-    weight = (np.isfinite(u) & np.isfinite(v)).astype(float)
-    at = np.zeros(u.shape, bool)
-    at[before] = weight[before] > 0
-    fit_u, fit_v = smooth([u, v], weight, _spacing(flow, near), _windows(flow, half), at=at)
-    U, V = (f.value[before] for f in (fit_u, fit_v))
-    u_t, u_y, u_x = (a[before] for a in (fit_u.t, fit_u.y, fit_u.x))
-    v_t, v_y, v_x = (a[before] for a in (fit_v.t, fit_v.y, fit_v.x))
-    below = np.nan_to_num(height, nan=-np.inf)[None, :] - flow.y[:, None]
-    rest = ((u[before] - U) ** 2 + (v[before] - V) ** 2) / 2
+    there = np.isfinite(u) & np.isfinite(v)
+    u, v = (np.where(there, a, 0.0) for a in (u, v))
+    cells, windows = there.astype(float), _windows(flow, half)
+    fit = local_fits([u, v], cells, _spacing(flow, near), windows, 2, frame=before)
+    (U, V), ((u_t, v_t), (u_y, v_y), (u_x, v_x)) = fit.value.T, fit.slopes.transpose(1, 2, 0)
+    place = fit.index[1:]
+
+    def on_grid(values: Float64) -> Float64:
+        grid = np.full(u[before].shape, np.nan)
+        grid[place] = values
+        return grid
+
+    rest = ((u[fit.index] - U) ** 2 + (v[fit.index] - V) ** 2) / 2
     acceleration = (u_t + U * u_x + V * u_y, v_t + U * v_x + V * v_y)
-    return (*acceleration, (u_x - v_y) / 2, (u_y + v_x) / 2, c[before], below, rest, U, V)
+    strain = ((u_x - v_y) / 2, (u_y + v_x) / 2)
+    below = np.nan_to_num(height, nan=-np.inf)[None, :] - flow.y[:, None]
+    of_fit = (rest, 1 - fit.value_sd**2, np.hypot(fit.sd[:, 1], fit.sd[:, 2]), U, V)
+    return (
+        *map(on_grid, (*acceleration, *strain)),
+        c[before],
+        below,
+        *map(on_grid, of_fit),
+    )
 
 
 def _windows(flow: Flow, half: int) -> tuple[int, int, int]:

@@ -137,15 +137,14 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
     held = None if isinstance(pose, str) else hanging(flow, pose)
     if held is not None:
         return Baseline(held, carried=True)
-    window, stress = 0, None
+    window = 0
+    stress: Stress | str = ""
     for window, largest in WINDOWS:
-        found = momentum_balance(flow, window, I0, side_walls.friction)
-        if isinstance(found, str):
-            return Baseline(found)
-        stress = found
-        if found.rate_error < largest:
+        stress = momentum_balance(flow, window, I0, side_walls.friction)
+        if isinstance(stress, Stress) and stress.rate_error < largest:
             break
-    assert stress is not None
+    if isinstance(stress, str):
+        return Baseline(stress)
     cells = _Cells(stress)
     if len(cells.I) < cells.fewest:
         return Baseline(

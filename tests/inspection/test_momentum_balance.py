@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, Particles
-from granpinn.estimates.quadratic_fits import noise_of, smooth
 from granpinn.estimates.stress import Stress, momentum_balance
 from tests.inspection.chutes import SURFACE, TANGENT, chute, number_of
 
@@ -71,16 +70,3 @@ def test_where_it_does_not_apply(changes: dict[str, object], reason: str) -> Non
     found = momentum_balance(replace(chute(), **changes))  # type: ignore[arg-type]
     assert isinstance(found, str)
     assert reason in found
-
-
-def test_the_noise_of_slopes(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    noise = rng.standard_normal((9, 40, 40))
-    half, spacing = (2, 2, 1), (0.5, 2.0, 1.0)
-    (found,) = smooth([noise], np.ones_like(noise), spacing, half)
-    inner = (slice(2, -2), slice(2, -2), slice(1, -1))
-    expected = noise_of(half, spacing)
-    rest = (noise - found.value)[inner]
-    for values, sd in zip((found.t, found.y, found.x, rest), expected, strict=True):
-        # 7,000 values, of which about 7,000/45 are independent.
-        assert np.std(values[inner] if values is not rest else rest) == pytest.approx(sd, rel=0.2)

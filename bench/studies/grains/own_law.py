@@ -24,7 +24,7 @@ from bench.studies.grains.coarse import XX, XY, YY, Fields
 from bench.studies.grains.law import SLOWEST, binned_law, mu_of_i
 from bench.studies.grains.materials import BULK_DENSITY
 from granpinn.arrays import Bool, Float64
-from granpinn.estimates.quadratic_fits import smooth
+from granpinn.estimates.local_fits import local_fits
 
 WINDOW = (2, 2, 2)  # cells on each side in the local fits
 
@@ -66,25 +66,41 @@ def reference(
     cell = fields.y[1] - fields.y[0]
     step = float(fields.t[1] - fields.t[0])
     half = (0, *WINDOW[1:]) if steady else WINDOW
-    u, v, p_smooth = smooth(
-        [fields.u, fields.v, p], near.astype(float), (step, cell, cell), half, periodic
+    there = near.astype(float)
+    fit = local_fits(
+        [np.where(near, a, 0.0) for a in (fields.u, fields.v, p)],
+        there,
+        (step, cell, cell),
+        half,
+        2,
+        periodic=periodic,
     )
-    d_xx, d_xy = (u.x - v.y) / 2, (u.y + v.x) / 2
+
+    def on_grid(values: Float64) -> Float64:
+        grid = np.full(near.shape, np.nan)
+        grid[fit.index] = values
+        return grid
+
+    u, v, p_smooth = map(on_grid, fit.value.T)
+    _, (u_y, v_y, _), (u_x, v_x, _) = (
+        tuple(map(on_grid, slopes.T)) for slopes in fit.slopes.transpose(1, 0, 2)
+    )
+    d_xx, d_xy = (u_x - v_y) / 2, (u_y + v_x) / 2
     gdot = 2 * np.hypot(d_xx, d_xy)
     # Stress counts pressure as positive, so the deviator has the opposite sign.
     tau_xx, tau_xy = -(xx - yy) / 2, -xy
     with np.errstate(divide="ignore", invalid="ignore"):
         tau_n = 2 * (tau_xx * d_xx + tau_xy * d_xy) / gdot
-        number = gdot * np.sqrt(density / p_smooth.value)
-    used = (c == 1) & (fields.coverage > 0.999) & np.isfinite(number) & (p_smooth.value > 0)
-    rest = np.hypot(fields.u - u.value, fields.v - v.value)[used]
+        number = gdot * np.sqrt(density / p_smooth)
+    used = (c == 1) & (fields.coverage > 0.999) & np.isfinite(number) & (p_smooth > 0)
+    rest = np.hypot(fields.u - u, fields.v - v)[used]
     speed = np.hypot(fields.u, fields.v)[used]
     noise = {
         "velocity_percent": 100 * float(np.sqrt(np.mean(rest**2) / 2) / speed.max()),
         "divergence_percent": 100
-        * float(np.sqrt(np.mean((u.x + v.y)[used] ** 2) / np.mean(gdot[used] ** 2))),
+        * float(np.sqrt(np.mean((u_x + v_y)[used] ** 2) / np.mean(gdot[used] ** 2))),
     }
-    return Reference(p, tau_n, np.hypot(tau_xx, tau_xy), p_smooth.value, gdot, number, used, noise)
+    return Reference(p, tau_n, np.hypot(tau_xx, tau_xy), p_smooth, gdot, number, used, noise)
 
 
 def own_law(found: Reference, truth: Mapping[str, float] | None) -> dict[str, Any]:
