@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -11,10 +11,12 @@ import torch
 from granpinn.checks.momentum_balance import Difference, MomentumBalance
 from granpinn.data import Flow, Truth
 from granpinn.data.scaling import scales_of
+from granpinn.data.symmetry import axes_of
+from granpinn.fit.network import TrainedNetwork
 from granpinn.inspection.momentum_balance import Baseline, Point
 from granpinn.kernels.network import OUTPUTS, NetworkSpec, initial_parameters
 from granpinn.physics.constants import Physics
-from granpinn.physics.laws import DEFAULT, FrictionLaw
+from granpinn.physics.laws import DEFAULT
 from granpinn.results import (
     Covariance,
     DataSummary,
@@ -142,19 +144,11 @@ def make_fields(flow: Flow, **values: Any) -> Fields:
     )
 
 
-class Model(NamedTuple):
-    """What `prediction.evaluate` needs besides the points, float64."""
-
-    spec: NetworkSpec
-    params: torch.Tensor
-    law: FrictionLaw
-    theta: torch.Tensor
-    physics: Physics
-
-
-def make_model(form: str, seed: int = 0) -> Model:
-    """A tiny network; the limits of the viscosity are such that both bind at some points."""
+def make_network(form: str, flow: Flow, seed: int = 0) -> TrainedNetwork:
+    """A tiny network of a flow, float64; both limits of the viscosity bind at some points."""
     spec = NetworkSpec((3, 6, 5, OUTPUTS[form]), (0.5, 0.4, 0.3), (1.1, 1.3, 0.9), form)
     theta = torch.tensor([0.4, 0.64, 0.3], dtype=torch.float64)
     physics = Physics(0.05, 0.1, -0.99, 0.01, 0.5, 0.7, 0.9, 1e-4, 1.5, 0.4, 0.2)
-    return Model(spec, initial_parameters(spec, seed), DEFAULT, theta, physics)
+    params, scales = initial_parameters(spec, seed), scales_of(flow)
+    units = Units(flow.length_unit, flow.time_unit, flow.density_unit)
+    return TrainedNetwork(spec, physics, params, theta, scales, DEFAULT, axes_of(flow), units)

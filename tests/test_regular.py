@@ -16,7 +16,7 @@ from granpinn import importers
 from granpinn.commands import convert, inspect, train
 from granpinn.config.toml import read_toml
 from granpinn.data import read_flow
-from granpinn.fit.network import read_network
+from granpinn.fit.network_file import read_network
 from granpinn.importers import formats
 from granpinn.regular import read_text
 from granpinn.results import read_fields, read_results

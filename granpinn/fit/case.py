@@ -1,4 +1,4 @@
-"""A flow with its settings as a training problem, and the trained model."""
+"""A flow with its settings as a training problem."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import torch
-from torch import Tensor
 
 from granpinn.config import Config, ConfigError
 from granpinn.data import (
@@ -34,9 +33,7 @@ from granpinn.estimates.facts import Facts, inertial_numbers
 from granpinn.inspection import refuse_slips
 from granpinn.inspection.momentum_balance import Baseline, baseline
 from granpinn.kernels.builds import choose_device
-from granpinn.kernels.network import NetworkSpec
-from granpinn.physics.constants import Physics
-from granpinn.physics.laws import LAWS, FrictionLaw
+from granpinn.physics.laws import LAWS
 from granpinn.physics.scales import Scales
 from granpinn.results.record import Reason
 from granpinn.training import problem, room
@@ -99,26 +96,6 @@ class Case:
     def sampled(self) -> str | None:
         """Which frames of a large flow are used, or that a flow is a mean, in words."""
         return said(self.flow)
-
-
-@dataclass(frozen=True)
-class Model:
-    """A trained network with the friction law that was identified with it.
-
-    Attributes:
-        spec: widths, input map and form of the network.
-        physics: constants of the equations.
-        params: parameters of the network [P].
-        theta: parameters of the law, in its order [N], dimensionless.
-        scales: units of everything dimensionless.
-    """
-
-    spec: NetworkSpec
-    physics: Physics
-    params: Tensor
-    theta: Tensor
-    scales: Scales
-    law: FrictionLaw
 
 
 def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from granpinn.fit import ensemble, prediction
-from granpinn.fit.case import Case, Model
+from granpinn.fit.case import Case
 from granpinn.fit.free_curve import with_free_band
+from granpinn.fit.network import TrainedNetwork
 from granpinn.fit.prediction import Shear, shear_of, with_curve
 from granpinn.results import Fields, Result, write_fields, write_results
 from granpinn.results.attempt import NotDone, attempt
@@ -25,7 +26,7 @@ class Context:
     """
     Attributes:
         result: all that is known so far; with a folder it is on the disk.
-        case, model: the member that is shown, and its network.
+        case, network: the member that is shown, and what was trained.
         run, place: the training, and the place of this member in it.
         uncertain: the assumptions whose effect enters the error bars.
         of_laws: place in the run of every law of a comparison.
@@ -36,7 +37,7 @@ class Context:
 
     result: Result
     case: Case
-    model: Model
+    network: TrainedNetwork
     run: TrainingLoop
     place: int
     uncertain: tuple[Assumption, ...] = ()
@@ -65,14 +66,14 @@ class Context:
 
     def predicted(self) -> Fields:
         """The fields; a batch does not keep those of all its members."""
-        return self.fields or prediction.predict(self.case.flow, self.model)
+        return self.fields or prediction.predict(self.case.flow, self.network)
 
     def predict(self) -> None:
         """Predict the fields, compare them with the reference, and write fields.h5 if asked for."""
         fields = self.fields = self.predicted()
-        cohesion = self.model.law.cohesion_of(self.result.theta)
+        cohesion = self.network.law.cohesion_of(self.result.theta)
         self.shear = shear_of(fields, cohesion)
-        errors = ensemble.errors(self.case, self.model, fields, self.result.parameters)
+        errors = ensemble.errors(self.case, self.network, fields, self.result.parameters)
         self.result = dataclasses.replace(self.result, error_percent=errors)
         if self.folder is not None:
             write_fields(fields, self.folder / "fields.h5")

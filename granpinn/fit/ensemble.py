@@ -10,12 +10,15 @@ from typing import Any
 import torch
 
 from granpinn import results
-from granpinn.fit import prediction, scoring
-from granpinn.fit.case import Case, Model
+from granpinn.data.symmetry import axes_of
+from granpinn.fit import scoring
+from granpinn.fit.case import Case
+from granpinn.fit.network import TrainedNetwork
 from granpinn.fit.prediction import inertial_range
 from granpinn.physics.laws import DEFAULT
 from granpinn.physics.terms import NAMES
 from granpinn.results import ErrorPercent, Fields, Parameter, Parameters, Residuals, Result
+from granpinn.results.fields import Units
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.records import Assumed, Members
 from granpinn.training.loop import TrainingLoop
@@ -45,10 +48,13 @@ def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Me
     return dataclasses.replace(members, shown=shown), sound[shown]
 
 
-def model_of(case: Case, trainer: Trainer, e: int) -> Model:
+def network_of(case: Case, trainer: Trainer, e: int) -> TrainedNetwork:
     """The trained network and law of a case, member e of the run."""
-    problem, law = case.member.problem, case.member.law
-    return Model(problem.spec, problem.physics, *trainer.solution(e), case.scales, law)
+    problem, law, flow = case.member.problem, case.member.law, case.flow
+    units = Units(flow.length_unit, flow.time_unit, flow.density_unit)
+    solution = trainer.solution(e)
+    own = problem.spec, problem.physics, *solution, case.scales, law, axes_of(flow), units
+    return TrainedNetwork(*own)
 
 
 def residuals_of(case: Case, trainer: Trainer, e: int) -> Residuals | None:
@@ -118,20 +124,20 @@ def result(
     run: TrainingLoop,
     e: int,
     members: Members,
-    model: Model,
+    network: TrainedNetwork,
     assumed: tuple[Assumed, ...] = (),
 ) -> Result:
     """The result of an ensemble before its fields are known.
 
     Args:
         case, e: the member that is shown, and its place in the run.
-        model: its network.
+        network: its network.
         assumed: assumptions and their effect on the law.
     """
     flow, config, data = case.flow, case.config, case.member.data
     failure, steps = run.trainer.diverged.get(e), run.trainer.step
     residuals = residuals_of(case, run.trainer, e)
-    I_range = inertial_range(data, model)
+    I_range = inertial_range(data, network)
     law = _law(case, members, residuals, steps, failure is not None, assumed, I_range)
     return Result(
         **law,
@@ -201,9 +207,12 @@ def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -
     return dataclasses.replace(result, **law)
 
 
-def errors(case: Case, model: Model, maps: Fields, parameters: Parameters) -> ErrorPercent:
+def errors(
+    case: Case, network: TrainedNetwork, maps: Fields, parameters: Parameters
+) -> ErrorPercent:
     """Errors of a result against the reference in its flow file, by its fields."""
-    at_particles = prediction.velocity_at_particles(case.flow, model)
+    particles = case.flow.particles
+    at_particles = None if particles is None else network.velocity_at(particles)
     return scoring.score(case.flow, maps, parameters, at_particles)
 
 

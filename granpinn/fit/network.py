@@ -1,63 +1,54 @@
-"""A trained network in the units and axes of its flow, and its file network.safetensors.
-
-The file holds the parameters of the network and of the law as they are after the whole training,
-and the constants to evaluate both. Reading it executes no code.
-"""
+"""A trained network with its law, and what it predicts at any point."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
+from typing import get_args
 
+import numpy as np
 import numpy.typing as npt
 import torch
+from torch import Tensor
 
-from granpinn.arrays import Float32, plain_array
-from granpinn.data import Flow
-from granpinn.data.symmetry import axes_of
+from granpinn.arrays import Float32, Float64, plain_array
+from granpinn.data.flow import Particles
 from granpinn.errors import BadInput
-from granpinn.fit.case import Model
-from granpinn.fit.prediction import values_at
+from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
-from granpinn.output import write_bytes
 from granpinn.physics.axes import Axes
 from granpinn.physics.constants import Physics
-from granpinn.physics.laws import LAWS
-from granpinn.physics.scales import Scales
-from granpinn.regular import UnsafeFileError, read_regular_file
-from granpinn.results.fields import Units
-from granpinn.training.tensor_file import packed, unpacked
+from granpinn.physics.laws import FrictionLaw
+from granpinn.physics.rheology import inertial_number
+from granpinn.physics.scales import Quantity, Scales
+from granpinn.results.fields import VARIABLES, Units
+from granpinn.training.operators import operators_of
 
-FILE = "network.safetensors"
-FORMAT = "granpinn-network", 2  # name and version
-MAX_BYTES = 2**30
-
-
-class NetworkFileError(BadInput):
-    """network.safetensors is missing, damaged or of another version; one sentence."""
+CHUNK = 32768  # points per evaluation: bounds the memory and leaves the values as they are
+SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in the residuals: no division by zero at rest
 
 
 @dataclass(frozen=True)
 class TrainedNetwork:
-    """A network with its law, on the CPU.
+    """A trained network with the friction law that was identified with it.
 
     Attributes:
-        model: network and law, dimensionless.
+        spec: widths, input map and form of the network.
+        physics: constants of the equations.
+        params: parameters of the network [P].
+        theta: parameters of the law, in its order [N], dimensionless.
+        scales: units of everything dimensionless.
         axes: of the training.
         units: of the flow.
     """
 
-    model: Model
+    spec: NetworkSpec
+    physics: Physics
+    params: Tensor
+    theta: Tensor
+    scales: Scales
+    law: FrictionLaw
     axes: Axes
     units: Units
-
-    @classmethod
-    def of(cls, model: Model, flow: Flow) -> TrainedNetwork:
-        """The network of a flow; it shares no memory with the training."""
-        params, theta = (part.detach().cpu().clone() for part in (model.params, model.theta))
-        kept = Model(model.spec, model.physics, params, theta, model.scales, model.law)
-        units = Units(flow.length_unit, flow.time_unit, flow.density_unit)
-        return cls(kept, axes_of(flow), units)
 
     def predict(self, x: npt.ArrayLike, y: npt.ArrayLike, t: npt.ArrayLike) -> dict[str, Float32]:
         """The predicted fields at points, in the units and axes of the flow.
@@ -72,80 +63,105 @@ class TrainedNetwork:
         """
         try:
             plain = (plain_array(a, name) for name, a in (("x", x), ("y", y), ("t", t)))
-            points = self.model.scales.points_to_dimensionless(*plain)
+            points = self.scales.points_to_dimensionless(*plain)
         except ValueError as error:
             raise BadInput(
                 f"x, y and t must be numbers of shapes that broadcast: {error}"
             ) from None
         shape = points.shape[:-1]
-        found = values_at(torch.as_tensor(points.reshape(-1, 3)), self.axes, self.model)
+        found = self.at(torch.as_tensor(points.reshape(-1, 3)))
         return {name: values.reshape(shape) for name, values in found.items()}
 
+    def apart(self) -> TrainedNetwork:
+        """The same on the CPU, without memory in common with the training."""
+        params, theta = (part.detach().cpu().clone() for part in (self.params, self.theta))
+        return replace(self, params=params, theta=theta)
 
-@dataclass(frozen=True)
-class _Record:
-    """What is no tensor; the constants may be infinite, so their values are one."""
+    def at(self, points: Tensor) -> dict[str, Float32]:
+        """The predicted `fields.VARIABLES` [N] in the units and axes of the flow.
 
-    law: str
-    form: str
-    widths: tuple[int, ...]
-    input_shift: tuple[float, float, float]
-    input_scale: tuple[float, float, float]
-    constants: tuple[str, ...]
-    scales: Scales
-    axes: Axes
-    units: Units
+        Args:
+            points: (x, y, t) [N, 3] in the axes of the flow, dimensionless.
+        """
+        values: dict[str, Float32] = {}
+        for start in range(0, len(points), CHUNK):
+            found = self.evaluate(self._turned(points[start : start + CHUNK]))
+            for name, value in self._turned_back(found).items():
+                if name not in values:
+                    values[name] = np.empty(len(points), np.float32)
+                kind = VARIABLES[name][0]
+                if kind in get_args(Quantity):
+                    value = self.scales.to_physical(value, kind)  # type: ignore[arg-type]
+                values[name][start : start + CHUNK] = value.cpu().numpy()
+        return values
 
+    @torch.no_grad()
+    def velocity_at(self, particles: Particles) -> Float64:
+        """Predicted (u, v) at scattered vectors, [2, n] in their units."""
+        points = self.scales.points_to_dimensionless(particles.x, particles.y, particles.t)
+        parts = [
+            ops.network_value(self._turned(part), self.params, *self._network)[:, :2].cpu()
+            for part in torch.split(torch.as_tensor(points), CHUNK)
+        ]
+        scales = np.array(self.physics.velocity_scales)[:, None]
+        turned = scales * torch.cat(parts).double().numpy().T
+        predicted = np.stack(self.axes.undo(turned[0], turned[1]))
+        return np.asarray(self.scales.to_physical(predicted, "velocity"))
 
-def write_network(network: TrainedNetwork, path: str | Path) -> None:
-    """Write network.safetensors; OutputError if it cannot be written."""
-    model, spec = network.model, network.model.spec
-    record = _Record(
-        law=model.law.name,
-        form=spec.form,
-        widths=spec.widths,
-        input_shift=spec.input_shift,  # type: ignore[arg-type]  # of one network, no tensor
-        input_scale=spec.input_scale,  # type: ignore[arg-type]
-        constants=Physics._fields,
-        scales=model.scales,
-        axes=network.axes,
-        units=network.units,
-    )
-    physics = torch.tensor(model.physics, dtype=torch.float64)
-    tensors = {"physics": physics, "params": model.params, "theta": model.theta}
-    write_bytes(path, packed(*FORMAT, record, tensors))
+    @property
+    def _network(self) -> tuple[list[int], list[float], list[float]]:
+        return list(self.spec.widths), list(self.spec.input_shift), list(self.spec.input_scale)
 
+    def _turned(self, points: Tensor) -> Tensor:
+        """Points [N, 3] = (x, y, t) in the axes of the training, like the parameters."""
+        x, y, t = points.unbind(1)
+        return torch.stack([*self.axes.turn(x, y), t], 1).to(self.params)
 
-def read_network(path: str | Path) -> TrainedNetwork:
-    """Read network.safetensors; the message of NetworkFileError is one sentence."""
-    path = Path(path)
-    try:
-        content = read_regular_file(path, MAX_BYTES, "it is no network of granpinn")
-    except UnsafeFileError as error:
-        raise NetworkFileError(f"{path}: {error}") from None
-    try:
-        return _unpacked(content)
-    except (ValueError, TypeError, LookupError) as error:
-        reason = " ".join(str(error).split())[:160]
-        raise NetworkFileError(
-            f"{path} cannot be read as {FORMAT[0]} ({reason}): take the file of the run again"
-        ) from None
+    def _turned_back(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
+        """The values of `evaluate` in the axes of the flow."""
+        found = dict(values)
+        for x, y in (("u", "v"), ("momentum_residual_x", "momentum_residual_y")):
+            found[x], found[y] = self.axes.undo(values[x], values[y])
+        stress = values["tau_xx"], values["tau_xy"]
+        found["tau_xx"], found["tau_xy"] = self.axes.undo_stress(*stress)
+        return found
 
+    @torch.no_grad()
+    def evaluate(self, points: Tensor) -> dict[str, Tensor]:
+        """The predicted `fields.VARIABLES` at points [N, 3] = (x, y, t), each [N], dimensionless.
 
-def _unpacked(content: bytes) -> TrainedNetwork:
-    record, tensors = unpacked(content, *FORMAT, _Record)
-    if record.law not in LAWS:
-        raise ValueError(f"the law {record.law} is not known: granpinn.laws.register adds it")
-    if record.constants != Physics._fields:
-        raise ValueError("another version of granpinn wrote it")
-    spec = NetworkSpec(record.widths, record.input_shift, record.input_scale, record.form)
-    params, theta, law = tensors["params"], tensors["theta"], LAWS[record.law]
-    if params.shape != (spec.n_params,) or theta.shape != (len(law.names),):
-        raise ValueError(f"params {list(params.shape)} and theta {list(theta.shape)} do not fit")
-    if not (torch.isfinite(params).all() and torch.isfinite(theta).all()):
-        raise ValueError("it holds a NaN or an infinity")
-    if params.dtype != theta.dtype or params.dtype not in (torch.float32, torch.float64):
-        raise ValueError(f"params must be float32 or float64 like theta, got {params.dtype}")
-    physics = Physics(*tensors["physics"].tolist())
-    model = Model(spec, physics, params, theta, record.scales, law)
-    return TrainedNetwork(model, record.axes, record.units)
+        All in the axes of the training.
+        """
+        spec, theta, physics = self.spec, self.theta, self.physics
+        (U, V), P = physics.velocity_scales, physics.pressure_scale
+        z, z_x, z_y, _ = ops.network_jet(points, self.params, *self._network, 1)
+        u, v = U * z[:, 0], V * z[:, 1]
+        D_xx, D_yy = U * z_x[:, 0], V * z_y[:, 1]
+        D_xy = (U * z_y[:, 0] + V * z_x[:, 1]) / 2
+        p = P * (torch.nn.functional.softplus(z[:, 2]) if spec.form == "mixed" else z[:, 2])
+        D_squared = D_xx**2 + 2 * D_xy**2 + D_yy**2
+        gamma_dot = torch.sqrt(2 * D_squared + SMOOTHING)
+        d, floor = physics.grain_diameter, physics.pressure_floor
+        limits = physics.eta_min, physics.eta_max
+        operators, law = operators_of([self.law]), self.law.name
+        eta = operators.viscosity(gamma_dot, p, theta, d, *limits, floor, law)
+        if spec.form == "mixed":
+            tau_xx, tau_xy = p * z[:, 3], p * z[:, 4]
+        else:
+            tau_xx, tau_xy = eta * (D_xx - D_yy), 2 * eta * D_xy
+        at = (points, self.params, theta, *self._network, list(physics), law)
+        residual = operators.strong_residual(*at)
+        e_u, e_v, divergence = residual.unbind(1)
+        return {
+            "u": u,
+            "v": v,
+            "p": p,
+            "tau_xx": tau_xx,
+            "tau_xy": tau_xy,
+            "D2": torch.sqrt(D_squared),
+            "I": inertial_number(gamma_dot, p, d, floor),
+            "eta": eta,
+            "momentum_residual_x": e_u,
+            "momentum_residual_y": e_v,
+            "divergence": divergence,
+        }

@@ -16,7 +16,8 @@ from granpinn import report
 from granpinn.arrays import Float32, Float64
 from granpinn.declared import checked
 from granpinn.errors import BadInput
-from granpinn.fit.network import FILE, TrainedNetwork, read_network, write_network
+from granpinn.fit.network import TrainedNetwork
+from granpinn.fit.network_file import FILE, read_network, write_network
 from granpinn.output import make_folder
 from granpinn.results import (
     Fields,

@@ -17,7 +17,7 @@ from granpinn.config import Config
 from granpinn.fit import assumptions, ensemble, prediction
 from granpinn.fit.case import Case, members
 from granpinn.fit.context import ASSUMPTIONS, CURVE, FIELDS, Context
-from granpinn.fit.network import FILE, TrainedNetwork, write_network
+from granpinn.fit.network_file import FILE, write_network
 from granpinn.identification.identified import Identification
 from granpinn.identification.start import CHECKS, ERROR_BARS, start
 from granpinn.results.attempt import PENDING, NotDone, attempt
@@ -122,7 +122,7 @@ def with_values(
     """
     members, place = ensemble.members_of(cases, run, first)
     case, e = cases[place], first + place
-    model = ensemble.model_of(case, run.trainer, e)
+    network = ensemble.network_of(case, run.trainer, e)
     uncertain = () if e in run.trainer.diverged else assumptions.assumptions_of(case)
     left_out = case.config.checks == NONE
     unknown = tuple(a.without_effect(LEFT_OUT if left_out else PENDING) for a in uncertain)
@@ -133,13 +133,13 @@ def with_values(
         *(check.name for check in checks),
         *([ASSUMPTIONS] if uncertain else []),
     ]
-    result = ensemble.result(case, run, e, members, model, unknown)
+    result = ensemble.result(case, run, e, members, network, unknown)
     result = dataclasses.replace(result, not_done=dict.fromkeys(later, PENDING))
     of_laws = places(case, e, others)
-    context = Context(result, case, model, run, e, uncertain, of_laws, folder)
+    context = Context(result, case, network, run, e, uncertain, of_laws, folder)
     context.keep(result)
     if folder is not None:
-        write_network(TrainedNetwork.of(model, case.flow), folder / FILE)
+        write_network(network, folder / FILE)
         if place > 0:  # until now the history is that of the first member
             shown = History(folder / "history.csv", case.member.law)
             shown.begin(run.histories[e].rows)
@@ -165,11 +165,10 @@ def with_intervals(contexts: Sequence[Context], run: TrainingLoop) -> None:
 
 def kept(context: Context) -> Identification:
     """The result with its network, fields and history: those of its folder, else in memory."""
-    case, model = context.case, context.model
     known: dict[str, Any] = {} if context.fields is None else {"grid": context.fields}
     if context.folder is not None:
         return Identification.of(context.result, context.folder, **known)
-    known["network"] = TrainedNetwork.of(model, case.flow)
+    known["network"] = context.network.apart()
     known["history"] = context.run.histories[context.place].columns
-    predict = partial(prediction.predict, case.flow, model)
+    predict = partial(prediction.predict, context.case.flow, context.network)
     return Identification.of(context.result, predict=predict, **known)

@@ -35,8 +35,8 @@ from granpinn.data.flow_file import write_flow
 from granpinn.data.rules import check_constants
 from granpinn.declared import checked
 from granpinn.errors import Interrupted
+from granpinn.simulation.collapse import Collapse
 from granpinn.simulation.engine import Engine, SimulationError, State, StepReport
-from granpinn.simulation.parameters import Collapse
 from granpinn.simulation.scene import Scene
 from granpinn.terminal import say
 

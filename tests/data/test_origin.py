@@ -16,10 +16,9 @@ from granpinn.data import (
     training_set,
 )
 from granpinn.data.scaling import scales_of
-from granpinn.fit.case import Model
 from granpinn.fit.prediction import predict
 from granpinn.results.fields import read_fields, write_fields
-from tests.examples import make_model
+from tests.examples import make_network
 from tests.flows import make_flow, scattered
 
 # Offsets of x, y and t. They are multiples of the spacing of the moved coordinates, so that the
@@ -43,12 +42,6 @@ def moved(flow: Flow, offset: tuple[float, float, float]) -> Flow:
     if p is not None:
         places["particles"] = replace(p, x=p.x + x, y=p.y + y, t=p.t + t)
     return replace(flow, **places)
-
-
-def trained(flow: Flow, form: str = "mixed") -> Model:
-    """A random network with the scales of a flow."""
-    spec, params, law, theta, physics = make_model(form)
-    return Model(spec, physics, params, theta, scales_of(flow), law)
 
 
 @pytest.mark.parametrize("kind", ["grid", "particles"])
@@ -79,7 +72,7 @@ def test_results_are_in_the_coordinates_of_the_file(offset: str, tmp_path: Path)
     there = moved(FLOW, OFFSETS[offset])
     for values, own in zip((there.x, there.y, there.t), scales_of(there).origin, strict=True):
         assert own in (0.0, values[0])
-    fields = predict(there, trained(there))
+    fields = predict(there, make_network("mixed", there))
     write_fields(fields, tmp_path / "fields.h5")
     again = read_fields(tmp_path / "fields.h5")
     for name in "xyt":
@@ -93,7 +86,7 @@ def test_predictions_do_not_depend_on_the_origin(form: str) -> None:
     there = moved(at_zero, OFFSETS["all"])
     assert scales_of(at_zero).origin == (0, 0, 0)
     assert scales_of(there).origin == OFFSETS["all"]
-    found = [predict(f, trained(f, form)) for f in (at_zero, there)]
+    found = [predict(f, make_network(form, f)) for f in (at_zero, there)]
     for name in ("u", "v", "p"):
         scale = np.abs(found[0].values[name]).max()
         error = np.abs(found[0].values[name] - found[1].values[name]).max()

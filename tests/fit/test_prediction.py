@@ -13,12 +13,12 @@ from torch import Tensor
 from granpinn import reference
 from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
-from granpinn.fit import case, prediction
-from granpinn.fit.prediction import evaluate, predict
+from granpinn.fit import network as network_module
+from granpinn.fit.network import TrainedNetwork
+from granpinn.fit.prediction import predict
 from granpinn.reference.equations import pressure
-from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES
-from tests.examples import Model, make_model
+from tests.examples import make_network
 from tests.flows import make_flow
 
 FORMS = ("mixed", "strong")
@@ -31,14 +31,9 @@ def flow() -> Flow:
     return make_flow(frames=4, rows=12, columns=10)
 
 
-def run(flow: Flow, model: Model) -> Fields:
-    spec, params, law, theta, physics = model
-    return predict(flow, case.Model(spec, physics, params, theta, scales_of(flow), law))
-
-
-def expected_fields(points: Tensor, model: Model) -> dict[str, Tensor]:
+def expected_fields(points: Tensor, network: TrainedNetwork) -> dict[str, Tensor]:
     """The same fields from the oracle: its network, its derivatives, tensors written out."""
-    spec, params, _, theta, physics = model
+    spec, physics, params, theta = network.spec, network.physics, network.params, network.theta
     d, _, _, eta_min, eta_max, _, P, p_floor, *_ = physics
     U = torch.tensor(physics.velocity_scales, dtype=torch.float64)
     network = (spec.widths, spec.input_shift, spec.input_scale)
@@ -72,11 +67,11 @@ def expected_fields(points: Tensor, model: Model) -> dict[str, Tensor]:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_fields_agree_with_the_oracle(form: str) -> None:
-    model = make_model(form)
-    model = model._replace(physics=model.physics._replace(v_factor=0.6))
+def test_fields_agree_with_the_oracle(form: str, flow: Flow) -> None:
+    network = make_network(form, flow)
+    network = replace(network, physics=network.physics._replace(v_factor=0.6))
     points = torch.rand(200, 3, dtype=torch.float64)
-    found, expected = evaluate(points, *model), expected_fields(points, model)
+    found, expected = network.evaluate(points), expected_fields(points, network)
     assert list(found) == PREDICTED
     assert list(expected) == PREDICTED
     for name, value in expected.items():
@@ -86,10 +81,10 @@ def test_fields_agree_with_the_oracle(form: str) -> None:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_the_viscosity_is_inside_its_limits_and_reaches_both(form: str) -> None:
-    model = make_model(form)
-    eta = evaluate(torch.rand(500, 3, dtype=torch.float64) * 2, *model)["eta"]
-    _, _, _, eta_min, eta_max, *_ = model.physics
+def test_the_viscosity_is_inside_its_limits_and_reaches_both(form: str, flow: Flow) -> None:
+    network = make_network(form, flow)
+    eta = network.evaluate(torch.rand(500, 3, dtype=torch.float64) * 2)["eta"]
+    _, _, _, eta_min, eta_max, *_ = network.physics
     assert eta.max() == eta_max
     assert eta.min() >= eta_min
     assert ((eta > eta_min) & (eta < eta_max)).any()
@@ -98,12 +93,12 @@ def test_the_viscosity_is_inside_its_limits_and_reaches_both(form: str) -> None:
 
 
 def test_values_lie_at_their_points_in_the_units_of_the_file(flow: Flow) -> None:
-    model, scales = make_model("mixed"), scales_of(flow)
-    fields = run(flow, model)
+    network, scales = make_network("mixed", flow), scales_of(flow)
+    fields = predict(flow, network)
     k, row, column = 2, 1, 3
     assert flow.c[k, row, column] == 1
     point = [flow.x[column] / scales.length, flow.y[row] / scales.length, flow.t[k] / scales.time]
-    there = expected_fields(torch.tensor([point], dtype=torch.float64), model)
+    there = expected_fields(torch.tensor([point], dtype=torch.float64), network)
     units = {
         "velocity": scales.velocity,
         "pressure": scales.pressure,
@@ -125,8 +120,8 @@ def test_a_tilted_camera_sees_the_same_fields_turned(form: str, flow: Flow) -> N
     angle = math.radians(7.0)
     gravity = (9.81 * math.sin(angle), -9.81 * math.cos(angle))
     tilted = replace(flow, gravity=gravity)
-    scales, model = scales_of(tilted), make_model(form)
-    fields = run(tilted, model)
+    scales, network = scales_of(tilted), make_network(form, tilted)
+    fields = predict(tilted, network)
     k, row, column = 2, 1, 3
     R = torch.tensor(
         [[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]],
@@ -138,7 +133,7 @@ def test_a_tilted_camera_sees_the_same_fields_turned(form: str, flow: Flow) -> N
     )
     place = torch.tensor([flow.x[column], flow.y[row]], dtype=torch.float64) / scales.length
     t = torch.tensor([flow.t[k] / scales.time], dtype=torch.float64)
-    there = expected_fields(torch.cat([R @ place, t])[None], model)
+    there = expected_fields(torch.cat([R @ place, t])[None], network)
     value = {name: there[name].item() for name in PREDICTED}
 
     def turned(x: str, y: str) -> list[float]:
@@ -163,20 +158,22 @@ def test_a_tilted_camera_sees_the_same_fields_turned(form: str, flow: Flow) -> N
 def test_chunks_bound_the_memory_and_change_nothing(
     dtype: torch.dtype, flow: Flow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    model = make_model("mixed")
-    model = model._replace(params=model.params.to(dtype), theta=model.theta.to(dtype))
-    whole = run(flow, model)
+    network = make_network("mixed", flow)
+    network = replace(network, params=network.params.to(dtype), theta=network.theta.to(dtype))
+    whole = predict(flow, network)
     n = whole.index.size
     sizes: list[int] = []
 
-    def recorded(points: Tensor, *rest: object) -> dict[str, Tensor]:
+    evaluate = TrainedNetwork.evaluate
+
+    def recorded(self: TrainedNetwork, points: Tensor) -> dict[str, Tensor]:
         assert points.dtype == dtype
         sizes.append(len(points))
-        return evaluate(points, *rest)  # type: ignore[arg-type]
+        return evaluate(self, points)
 
-    monkeypatch.setattr(prediction, "evaluate", recorded)
-    monkeypatch.setattr(prediction, "CHUNK", 17)
-    parts = run(flow, model)
+    monkeypatch.setattr(TrainedNetwork, "evaluate", recorded)
+    monkeypatch.setattr(network_module, "CHUNK", 17)
+    parts = predict(flow, network)
     assert n % 17
     assert sizes == [17] * (n // 17) + [n % 17]
     assert list(parts.values) == list(whole.values)

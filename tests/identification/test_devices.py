@@ -19,11 +19,11 @@ from granpinn import results
 from granpinn.commands import train
 from granpinn.data import Flow
 from granpinn.data.points import relative_l2
-from granpinn.fit.case import Model, members, pose
+from granpinn.fit.case import members, pose
+from granpinn.fit.ensemble import network_of
 from granpinn.fit.prediction import predict
 from granpinn.identification.start import start
 from granpinn.kernels.builds import choose_device
-from granpinn.physics.laws import DEFAULT
 from tests.runs import tiny
 
 NO_GPU = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
@@ -61,8 +61,7 @@ def test_fields_are_those_of_the_cpu(device: str, flow: Flow) -> None:
     for e, case in enumerate(cases):
         params, theta = run.trainer.solution(e)
         assert params.device.type == theta.device.type == device
-        problem = case.member.problem
-        there = Model(problem.spec, problem.physics, params, theta, case.scales, DEFAULT)
+        there = network_of(case, run.trainer, e)
         here = dataclasses.replace(there, params=params.cpu(), theta=theta.cpu())
         maps, same = predict(flow, there), predict(flow, here)
         for name in ("u", "v", "p", "tau_xx", "tau_xy", "D2", "I", "eta"):

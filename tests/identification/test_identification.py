@@ -17,6 +17,7 @@ from granpinn.config.toml import read_toml
 from granpinn.data import Flow, Truth
 from granpinn.fit import case as case_module
 from granpinn.fit import prediction
+from granpinn.fit.network import TrainedNetwork
 from granpinn.identification.single import identify
 from granpinn.kernels.builds import choose_device
 from granpinn.training.loop import TrainingLoop
@@ -109,9 +110,9 @@ def test_noise_is_seen_by_the_training_and_not_by_the_scores(
     references: list[Any] = []
     real_predict = prediction.predict
 
-    def predict(flow: Flow, model: case_module.Model) -> Any:
+    def predict(flow: Flow, network: TrainedNetwork) -> Any:
         references.append(flow)
-        return real_predict(flow, model)
+        return real_predict(flow, network)
 
     monkeypatch.setattr(prediction, "predict", predict)
     result = identify(flow, tiny(noise=0.2, seed=5))

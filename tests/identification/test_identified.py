@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 import granpinn
 from granpinn.data import Flow
-from granpinn.fit.network import FILE, NetworkFileError, read_network
+from granpinn.fit.network_file import FILE, NetworkFileError, read_network
 from granpinn.identification.identified import Identification
 from granpinn.results import read_fields, read_results
 from tests.flows import make_flow
@@ -56,7 +56,7 @@ def test_a_run_folder_brings_network_fields_and_history_back(run: Run) -> None:
     assert loaded == read_results(run.folder / "results.json") == loaded
     assert loaded.parameters == kept.parameters == run.result.parameters
     xarray.testing.assert_identical(loaded.fields, kept.fields)
-    there, here = loaded.network.model, kept.network.model
+    there, here = loaded.network, kept.network
     assert (there.spec, there.physics, there.scales) == (here.spec, here.physics, here.scales)
     assert loaded.network.axes == kept.network.axes
     assert torch.equal(there.params, here.params)

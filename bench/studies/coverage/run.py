@@ -33,7 +33,7 @@ from bench.studies.records import balance_of, records_of
 from granpinn.config import Config
 from granpinn.fit import ensemble
 from granpinn.fit.case import Case, members, pose
-from granpinn.fit.ensemble import model_of
+from granpinn.fit.ensemble import network_of
 from granpinn.identification.start import start
 from granpinn.kernels.builds import choose_device
 from granpinn.training.loop import TrainingLoop
@@ -47,7 +47,7 @@ def row(task: Task, cases: Sequence[Case], run: TrainingLoop, first: int) -> dic
     c = task.scene
     found, shown = ensemble.members_of(cases, run, first)
     case, e = cases[shown], first + shown
-    result = ensemble.result(case, run, e, found, model_of(case, run.trainer, e))
+    result = ensemble.result(case, run, e, found, network_of(case, run.trainer, e))
     names = ("I0", "d", "aspect", "stride", "frames")
     return {
         "name": task.name,
