@@ -11,8 +11,8 @@ from typing import Any
 
 from bench.machine import describe
 from granpinn.config import Config, ConfigError, fields
-from granpinn.config.values import convert
-from granpinn.results import plain
+from granpinn.config.fields import convert
+from granpinn.declared import plain
 
 
 def parse(

@@ -9,8 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from granpinn.config.fields import Setting, flag_of, most_like, without_none
-from granpinn.config.values import NONE, convert
+from granpinn.config.fields import NONE, Setting, convert, flag_of, most_like, without_none
 from granpinn.errors import BadInput
 
 PACKAGE = Path(__file__).parent.parent

@@ -5,22 +5,24 @@ Command line, TOML files, checks and messages read them from there.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import difflib
 import functools
 import math
 import types
-from collections.abc import Collection, Hashable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from granpinn.declared import shown
+from granpinn.declared import shown, typed
 from granpinn.errors import BadInput
 
 C = TypeVar("C")
 
 # The least positive number and the largest one: float32 holds both.
 TINY, LARGEST = 1e-30, 1e30
+NONE = "none"  # "no value" in text, and in TOML, which has no word for it
 
 
 class ConfigError(BadInput):
@@ -54,17 +56,24 @@ class Setting:
     group: str = ""
     metavar: str = ""
 
-    def check(self, value: Any, name: str) -> None:
-        """Refuses a value outside of the choices or the range; `name` is for the message."""
+    def check(self, value: Any, name: str) -> Any:
+        """A value as the type of the setting; `name` is for the message.
+
+        Raises:
+            ConfigError: it has another type, or is outside of the choices or the range.
+        """
+        _, optional = without_none(self.kind)
+        value = typed(None if optional and value == NONE else value, self.kind, name, ConfigError)
         if isinstance(value, str) and not value:
             raise ConfigError(f"{name} must not be empty: leave it out, or give a value")
-        if self.choices and not (isinstance(value, Hashable) and value in self.choices):
+        if self.choices and value not in self.choices:
             raise ConfigError(f"{name} must be {self.range_text}, got {shown(value)}")
         numbers = value if isinstance(value, tuple) else (value,)
         if any(isinstance(x, int | float) and not self._holds(x) for x in numbers):
             raise ConfigError(
                 f"{name} must be {self.range_text}, got {_text(value)}: --help explains it"
             )
+        return value
 
     def _holds(self, x: float) -> bool:
         return (TINY if self.positive else self.low) <= x <= self.high
@@ -162,6 +171,46 @@ def without_none(kind: Any) -> tuple[Any, bool]:
         return kind, False
     (inner,) = (k for k in get_args(kind) if k is not types.NoneType)
     return inner, True
+
+
+def convert(text: str | bool, kind: Any, name: str) -> Any:
+    """The value of type `kind` that `text` stands for; `name` is for the message of ConfigError.
+
+    A flag without a value comes as True, and stays so.
+    """
+    inner, optional = without_none(kind)
+    if optional and text == NONE:
+        return None
+    value: Any = text
+    if isinstance(text, str) and get_origin(inner) is tuple:
+        item = get_args(inner)[0]
+        return tuple(convert(word, item, name) for word in text.strip("[]() ").split(","))
+    with contextlib.suppress(LookupError, ValueError, OverflowError):  # `typed` refuses the text
+        if isinstance(text, str) and inner in READERS:
+            value = READERS[inner](text)
+    return typed(value, inner, name, ConfigError)
+
+
+def number(text: str) -> float:
+    """The number of a text in ASCII; ValueError for other text, such as "1_000" or other digits."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(f"no plain number: {text!r}")
+    return float(text)
+
+
+def whole(text: str) -> int:
+    """The integer of "40000" or "4e4"; ValueError for other text."""
+    value = number(text)
+    if not value.is_integer():
+        raise ValueError(f"no whole number: {text!r}")
+    return int(value) if abs(value) < 2**53 else int(text)
+
+
+READERS: dict[Any, Callable[[str], Any]] = {
+    float: number,
+    int: whole,
+    bool: lambda text: {"true": True, "false": False}[text],
+}
 
 
 def _text(value: Any) -> str:

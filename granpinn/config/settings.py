@@ -31,7 +31,6 @@ from granpinn.config.sections import (
     SideWalls,
     Weights,
 )
-from granpinn.config.values import typed
 from granpinn.declared import shown
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.physics.terms import Form
@@ -207,8 +206,7 @@ def _resolve(given: Mapping[str, Any]) -> dict[str, Any]:
             raise ConfigError(unknown(key, key, [*known, *sections]))
     flat |= single
     for key, stated in known.items():
-        flat[key] = typed(flat[key], stated.kind, flag_of(key))
-        stated.check(flat[key], flag_of(key))
+        flat[key] = stated.check(flat[key], flag_of(key))
     return flat
 
 

@@ -7,9 +7,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from granpinn.config.fields import ConfigError, flatten, settings_of, unknown, without_none
+from granpinn.config.fields import NONE, ConfigError, flatten, settings_of, unknown
 from granpinn.config.settings import Config
-from granpinn.config.values import NONE, typed
 from granpinn.regular import read_text
 
 MAX_BYTES = 2**20
@@ -35,9 +34,7 @@ def read_toml(path: Path) -> dict[str, Any]:
             raise ConfigError(
                 f"{path}, perhaps of another version, has the {unknown(key, key, known)}"
             )
-        _, optional = without_none(known[key].kind)
-        value = None if optional and value == NONE else value
-        values[key] = typed(value, known[key].kind, f"{path}: {key}")
+        values[key] = known[key].check(value, f"{path}: {key}")
     return values
 
 

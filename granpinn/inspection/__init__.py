@@ -22,14 +22,13 @@ from granpinn.data.large import slabs, thinned
 from granpinn.data.scaling import initial_height, scales_of
 from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer, words
+from granpinn.declared import plain
 from granpinn.estimates import confined
 from granpinn.estimates.body import Body, body_of
 from granpinn.estimates.facts import Facts, InertialNumbers, inertial_numbers
 from granpinn.physics.law_values import CompleteLaw
 from granpinn.physics.scales import Scales
-from granpinn.results import plain
 from granpinn.results.attempt import NotDone, attempt
-from granpinn.results.decoding import encode
 from granpinn.results.record import (
     FLOW,
     GRADES,
@@ -261,9 +260,9 @@ class Inspection:
                 "initial_height": self.scales.length,
                 "velocity_scale": self.scales.velocity,
                 "friction_refused_because": self.undetermined,
-                "slips": encode(self.slips),
+                "slips": self.slips,
                 "facts": self.sentences,
-                "checks": {name: encode(record) for name, record in self.records.items()},
+                "checks": self.records,
                 "not_done": self.not_done,
             }
         )

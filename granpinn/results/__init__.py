@@ -3,12 +3,11 @@
 In reading order: parameters (of a law, with their errors, and what a narrow range of I leaves),
 records (data, training, ensemble, error bars), identified_law (its curve over the I of the
 data), record (what a check leaves), assessment (may the numbers be used?), result (all of it),
-results_file (results.json), decoding (the JSON), attempt (parts that may fail
+results_file (results.json), attempt (parts that may fail
 alone), fields (and which of their points flow).
 """
 
 from granpinn.results.assessment import Assessment
-from granpinn.results.decoding import plain
 from granpinn.results.fields import Fields, FieldsFileError, read_fields, write_fields
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.parameters import Covariance, ErrorPercent, Parameter, Parameters, Residuals
@@ -38,7 +37,6 @@ __all__ = [
     "Timing",
     "from_dict",
     "number",
-    "plain",
     "read_fields",
     "read_results",
     "versions",

@@ -26,6 +26,7 @@ import numpy as np
 from granpinn.arrays import Float64, Floats
 from granpinn.config import Level
 from granpinn.data import Truth
+from granpinn.declared import plain
 from granpinn.output import write_text
 from granpinn.output.table import Table, paragraphs
 from granpinn.physics.laws import LAWS, FrictionLaw
@@ -33,7 +34,6 @@ from granpinn.physics.rheology import by_parameters
 from granpinn.physics.terms import Form
 from granpinn.results import export
 from granpinn.results.assessment import Assessment, assess, evidence, reach_of
-from granpinn.results.decoding import encode, plain
 from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.parameters import (
     FIELD_ERRORS,
@@ -166,10 +166,9 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values; non-finite numbers in it are None."""
-        content = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION}
-        content |= {"assessment": encode(self.assessment), "law": None}
-        values: dict[str, Any] = plain(content | encode(self))
-        return values
+        content: dict[str, Any] = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION}
+        content |= {"assessment": plain(self.assessment), "law": None}
+        return {**content, **plain(self)}
 
     def __repr__(self) -> str:
         """One line: the input, the level and the parameters."""

@@ -12,7 +12,7 @@ import pytest
 from granpinn.command import cli
 from granpinn.commands import convert, inspect, report, train
 from granpinn.config import ConfigError
-from granpinn.config.values import convert as value_of
+from granpinn.config.fields import convert as value_of
 from granpinn.data import write_flow
 from granpinn.terminal import visible
 from tests.flows import make_flow

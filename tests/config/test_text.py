@@ -129,7 +129,7 @@ def test_a_bad_command_line_is_refused_in_one_sentence(case: str) -> None:
         ("[walls]\nfriction = 0.1", "did you mean side_walls.friction?"),
         ("[network]\nwidth = 3", "unknown setting network.width"),
         ('steps = "many"', "steps must be a whole number, got 'many'"),
-        ("[network]\nwidths = 3", "whole numbers separated by commas, such as 128,128, got 3"),
+        ("[network]\nwidths = 3", "network.widths must be a list, each item a whole number, got 3"),
     ],
 )
 def test_a_bad_file_is_refused_in_one_sentence(content: str, expected: str, tmp_path: Path) -> None:
