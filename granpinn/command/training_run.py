@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
 
-from granpinn import report, results
+from granpinn import results
 from granpinn.checks import wanted
 from granpinn.command import flow_warnings
 from granpinn.command.next_step import require_flow_file
 from granpinn.config import Config, ConfigError
 from granpinn.fit.context import FIELDS
+from granpinn.identification.identified import load
 from granpinn.identification.single import identify
 from granpinn.identification.start import require_kept
 from granpinn.kernels.builds import wake
@@ -61,7 +61,7 @@ def _identified(config: Config, verbose: bool, begin: float) -> Result:
     flows = [config.flow, *config.further_flows]
     listener = progress.automatic()
     # matplotlib takes a second to load; the training leaves the interpreter idle
-    Thread(target=import_module, args=("granpinn.report.page",)).start()
+    Thread(target=import_module, args=("granpinn.figures.page",)).start()
     Thread(target=wake, args=(config.device,)).start()
     with ExitStack() as at_end:
         at_end.callback(listener.stop)
@@ -82,7 +82,7 @@ def _identified(config: Config, verbose: bool, begin: float) -> Result:
                 print(result.checks[check.name], flush=True)
         listener.stage("figures")
         for k in range(len(result.flows)):
-            attempt(partial(report.build, folder / f"{k:03d}"))
+            attempt(load(folder / f"{k:03d}").report)
         page = attempt(result.report)
     if isinstance(page, NotDone):
         results.write_results(result.without(REPORT, page.why), folder / "results.json")

@@ -18,8 +18,8 @@ from pathlib import Path
 from granpinn.command.cli import Command
 from granpinn.command.parser import Parser
 from granpinn.config.fields import Setting
+from granpinn.identification.identified import load
 from granpinn.output import owned
-from granpinn.report.page import build
 
 SETTINGS = {
     "time": Setting(
@@ -46,7 +46,7 @@ def run(argv: Sequence[str]) -> int:
     folder, time = given["folder"], given.get("time")
     SETTINGS["time"].check(time, "--time")
     with owned(folder if folder.is_dir() else None):
-        print(build(folder, time))
+        print(load(folder).report(time=time))
     return 0
 
 

@@ -92,7 +92,7 @@ def draw_law(curve: Axes, result: Result) -> str:
     if found.I_range is None:
         raise NothingToDraw(f"the range of I is not known: {found.reason or 'an earlier version'}")
     low, high = found.I_range
-    caption = f"Friction law over the I of 5 % to 95 % of the grains that shear, {low:.2g} to "
+    caption = f"Over the I of 5 % to 95 % of the grains that shear, {low:.2g} to "
     caption += f"{high:.2g}"
     if found.points is not None:
         caption += _stress_points(curve, found.points, result.form)
@@ -187,7 +187,7 @@ def evolution(result: Result, history: Mapping[str, Floats]) -> Drawing:
     terms.set_title("(b) loss and its terms before weighting")
     return Drawing(
         figure,
-        "Course of the training: the identified parameters"
+        "The identified parameters"
         + (" with their true values (dashed)" if result.truth is not None else "")
         + ", and the loss with its terms.",
     )

@@ -98,30 +98,31 @@ def map_of_grid(
 
 
 @styled
-def pressure_fields(fields: Fields, k: int) -> Drawing:
+def pressure_fields(fields: Fields, time: float | None) -> Drawing:
     """Predicted pressure, the reference and their difference, where there is a reference."""
+    k = frame_at(fields, time)
     reference = fields.frame("p_reference", k) if "p_reference" in fields.values else None
     unit = fields.units.of("pressure")
-    drawing = _compare(fields, k, "Pressure", "$p$", unit, fields.frame("p", k), reference)
+    drawing = _compare(fields, k, "$p$", unit, fields.frame("p", k), reference)
     if reference is not None:
         return drawing
     return drawing._replace(caption=drawing.caption + " The flow file has no reference pressure.")
 
 
 @styled
-def velocity_fields(fields: Fields, k: int) -> Drawing:
+def velocity_fields(fields: Fields, time: float | None) -> Drawing:
     """Predicted speed, the speed in the flow file and their difference."""
+    k = frame_at(fields, time)
     found, known = (
         np.hypot(fields.frame(f"u{of}", k), fields.frame(f"v{of}", k)) for of in ("", "_reference")
     )
     unit = fields.units.of("velocity")
-    return _compare(fields, k, "Speed", "$|v|$", unit, found, known, "flow file")
+    return _compare(fields, k, "$|v|$", unit, found, known, "flow file")
 
 
 def _compare(
     fields: Fields,
     k: int,
-    name: str,
     symbol: str,
     unit: str | None,
     found: Floats,
@@ -131,7 +132,7 @@ def _compare(
     """A predicted field, the known one, and their difference."""
     values = value_norm(found if known is None else np.stack([found, known]))
     shown = [Map(f"{symbol} predicted", found, values, label(symbol, unit))]
-    caption = f"{name} in the grains at {_time(fields, k)}"
+    caption = f"In the grains at {_time(fields, k)}"
     if known is None:
         return Drawing(_maps(fields, grain_window(fields, k), shown), f"{caption}: predicted.")
     shown += [

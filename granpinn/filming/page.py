@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granpinn.figures.page import encoded, template
 from granpinn.figures.style import BLUE, GREEN, ORANGE, Drawing, new_figure, save, styled
 from granpinn.output import write_text
-from granpinn.report.page import encoded, template
 
 if TYPE_CHECKING:
     from granpinn.filming.measurement import Measured

@@ -77,7 +77,7 @@ class Record:
         return []
 
     def figures(self) -> Mapping[str, tuple[str, Callable[[Any], Any]]]:
-        """File name -> title and drawing function of a `figures.album.Source` or inspection."""
+        """File name -> title and drawing function of an `Identification` or inspection."""
         return {}
 
     def __str__(self) -> str:

@@ -11,11 +11,10 @@ from typing import Any
 
 import pytest
 
-from granpinn import identify, identify_many, results
+from granpinn import identify, identify_many, load, results
 from granpinn.checks import momentum_balance
-from granpinn.command import training_run
 from granpinn.data import Flow
-from granpinn.figures import album
+from granpinn.figures import album, page
 from granpinn.fit import case, prediction
 from granpinn.fit.context import ASSUMPTIONS, CURVE, FIELDS
 from granpinn.output import OutputError
@@ -78,7 +77,7 @@ FAILURES: list[tuple[Any, str, Exception, str, int]] = [
     (case, "baseline", RecursionError("deep\nand\x1b[2J long"), BALANCE, 0),
     (sensitivity, "continued", KeyError("a bug"), ASSUMPTIONS, 0),
     (prediction, "predict", MemoryError(), FIELDS, 1),
-    (training_run.report, "build", RuntimeError("no page today"), "report", 0),
+    (page, "build", RuntimeError("no page today"), "report", 0),
 ]
 
 
@@ -194,8 +193,8 @@ def test_a_figure_fails_alone(
     title, _ = album.FIGURES["velocity"]
     monkeypatch.setitem(album.FIGURES, "velocity", (title, raising(error)))
     assert run(flow_file, "--out", tmp_path / "run") == 0
-    page = (tmp_path / "run" / "report.html").read_text()
-    assert f"<li>{title}: " in page
+    text = (tmp_path / "run" / "report.html").read_text()
+    assert f"<li>{title}: " in text
     assert not (tmp_path / "run" / "figures" / "velocity.png").exists()
     assert (tmp_path / "run" / "figures" / "evolution.png").exists()
 
@@ -212,7 +211,7 @@ def test_the_answer_comes_before_the_figures_which_may_fail(
         printed.append(capsys.readouterr().out)
         raise ValueError("no font")
 
-    monkeypatch.setattr(training_run.report, "build", fails)
+    monkeypatch.setattr(page, "build", fails)
     assert run(flow_file, "--out", tmp_path / "run") == 0
     assert printed[0].startswith("mu_s")
     assert capsys.readouterr().out == "report: not done: ValueError: no font\n"
@@ -225,8 +224,8 @@ def test_a_page_names_what_was_not_done(
     figures()
     result = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
     results.write_results(result.without("unknown_I0", "a <b> reason"), tmp_path / "results.json")
-    page = training_run.report.build(tmp_path).read_text()
-    assert "<li>Unknown i0: a &lt;b&gt; reason</li>" in page
+    text = load(tmp_path).report().read_text()
+    assert "<li>Unknown i0: a &lt;b&gt; reason</li>" in text
 
 
 @pytest.mark.usefixtures("no_report")
@@ -243,7 +242,7 @@ def test_a_folder_that_vanishes_is_an_error(
         folder.mkdir()
         return folder / "report.html"
 
-    monkeypatch.setattr(training_run.report, "build", removed)
+    monkeypatch.setattr(page, "build", removed)
     assert run(flow_file, "--out", folder) == 1
     err = capsys.readouterr().err.splitlines()[-1]
     assert err.startswith(f"granpinn.train: {folder} was removed during the run")

@@ -1,7 +1,6 @@
-"""From a run folder to report.html, one page that needs no other file and no network.
+"""From a result to report.html, one page that needs no other file and no network.
 
-It reads the run folder alone: results.json, and fields.h5 and history.csv if they are there.
-The page lists what is missing.
+The page lists what is missing of fields and history.
 """
 
 from __future__ import annotations
@@ -10,29 +9,23 @@ import base64
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from granpinn.declared import checked
-from granpinn.figures import album, maps
+from granpinn.figures import album
 from granpinn.output import write_text
 from granpinn.output.table import Table
 from granpinn.output.templates import environment
-from granpinn.results import (
-    Fields,
-    FieldsFileError,
-    Result,
-    number,
-    read_fields,
-    read_results,
-)
+from granpinn.results import Result, number
 from granpinn.results.assessment import reach_of
 from granpinn.results.result import in_words, percent, true_friction
-from granpinn.training.history import HistoryFileError, read_history
 from granpinn.training.progress import duration
+
+if TYPE_CHECKING:
+    from granpinn.identification.identified import Identification
 
 TEMPLATES = Path(__file__).parent / "templates"
 ANSWER = ("friction_law", "pressure")  # the figures directly under the numbers
@@ -42,57 +35,20 @@ LETTERS = {r"\mu": "μ", r"\alpha": "α", r"\infty": "∞"}  # of the symbols of
 OWN_PLACE = ("flow", "further_flows", "out")
 
 
-@checked
-def build(run_dir: str | Path, time: float | None = None, fields: Fields | None = None) -> Path:
-    """Draw the figures of a run and write its page; the path of report.html.
+def build(run: Identification, folder: Path, time: float | None = None) -> Path:
+    """Draw the figures of a run into its folder and write its page; the path of report.html.
 
     Args:
-        run_dir: folder with results.json and, if the run got so far, fields.h5 and history.csv.
         time: of the maps, in the unit of the flow file; by default 0.7 of the last.
-        fields: those of fields.h5, where they are in memory.
-
-    Raises:
-        ResultsFileError: there is no valid results.json.
     """
-    folder = Path(run_dir)
-    figures = folder / "figures"
-    source, problems = read(folder, time, fields)
-    pictures, missing = album.draw_all(source, figures)
+    pictures, missing = album.draw_all(run, folder / "figures", time)
     page = folder / "report.html"
-    write_text(page, render(source.result, pictures, missing, problems))
+    write_text(page, render(run, pictures, missing))
     return page
 
 
-def read(
-    folder: Path, time: float | None = None, fields: Fields | None = None
-) -> tuple[album.Source, list[str]]:
-    """The contents of a run folder, and what of it could not be read.
-
-    Raises:
-        ResultsFileError: there is no valid results.json.
-    """
-    result = read_results(folder / "results.json")
-    if result.flows:  # the folder of each has its fields and its history
-        return album.Source(result, None, None, 0), []
-    problems = []
-    history: album.History | None = None
-    try:
-        fields = fields or read_fields(folder / "fields.h5")
-    except FieldsFileError as error:
-        problems.append(str(error))
-    try:
-        history = read_history(folder / "history.csv", result.friction_law)
-    except HistoryFileError as error:
-        problems.append(str(error))
-    frame = maps.frame_at(fields, time) if fields else 0
-    return album.Source(result, fields, history, frame), problems
-
-
 def render(
-    result: Result,
-    pictures: Sequence[album.Picture],
-    missing: Sequence[album.Missing],
-    problems: Sequence[str],
+    result: Result, pictures: Sequence[album.Picture] = (), missing: dict[str, str] | None = None
 ) -> str:
     """The page, with every figure inside."""
     settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
@@ -109,15 +65,13 @@ def render(
         r=result,
         flows=flows,
         law=law,
-        not_done=[(in_words(name), why) for name, why in result.not_done.items()],
+        missing={in_words(name): why for name, why in result.not_done.items()} | (missing or {}),
         has_truth=any(result.error_percent.get(name) is not None for name in law.names),
         reach=reach_of(result),
         off=None if curve is None or true is None else float(np.abs(true - curve.mu).max()),
         a=result.assessment,
         answer=[picture for picture in pictures if picture.path.stem in ANSWER],
         pictures=[picture for picture in pictures if picture.path.stem not in ANSWER],
-        missing=missing,
-        problems=problems,
         settings=settings,
     )
 
