@@ -20,7 +20,7 @@ from granpinn.identification.start import require_kept
 from granpinn.kernels.builds import wake
 from granpinn.output import objection_to_folder, owned
 from granpinn.results import Result
-from granpinn.results.attempt import NotDone, attempt
+from granpinn.results.record import failure
 from granpinn.results.result import in_words
 from granpinn.terminal import say
 from granpinn.training import progress
@@ -81,13 +81,14 @@ def _identified(config: Config, verbose: bool, begin: float) -> Result:
             if check.asked(config) and check.name in result.checks:
                 print(result.checks[check.name], flush=True)
         listener.stage("figures")
-        for k in range(len(result.flows)):
-            attempt(load(folder / f"{k:03d}").report)
-        page = attempt(result.report)
-    if isinstance(page, NotDone):
-        results.write_results(result.without(REPORT, page.why), folder / "results.json")
-        print(f"report: not done: {page.why}")
-    else:
-        print(f"report: {page}")
+        for place in [*(folder / f"{k:03d}" for k in range(len(result.flows))), folder]:
+            try:
+                page = str((result if place == folder else load(place)).report())
+            except Exception as error:
+                why = failure(error)
+                page = f"not done: {why}"
+                if place == folder:
+                    results.write_results(result.without(REPORT, why), folder / "results.json")
+    print(f"report: {page}")
     require_kept(folder)
     return result

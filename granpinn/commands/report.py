@@ -18,7 +18,6 @@ from pathlib import Path
 from granpinn.command.cli import Command
 from granpinn.command.parser import Parser
 from granpinn.config.fields import Setting
-from granpinn.identification.identified import load
 from granpinn.output import owned
 
 SETTINGS = {
@@ -43,6 +42,8 @@ def parser() -> Parser:
 
 def run(argv: Sequence[str]) -> int:
     given = vars(parser().parse_args(argv))
+    from granpinn.identification.identified import load  # torch is slow to import
+
     folder, time = given["folder"], given.get("time")
     SETTINGS["time"].check(time, "--time")
     with owned(folder if folder.is_dir() else None):

@@ -3,7 +3,7 @@
 flow file -> noise -> training set -> identification -> results.json, fields.h5 -> checks -> report
 
 Whatever follows the first results.json fails alone: it becomes a sentence in `not_done` of
-results.json, in the terminal and on the page (granpinn/results/attempt.py).
+results.json, in the terminal and on the page.
 
 The work is in granpinn/command/training_run.py, which is loaded after the words of the command: so
 `--help` and refusals are quick.

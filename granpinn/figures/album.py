@@ -11,8 +11,8 @@ from granpinn.figures import curves, maps
 from granpinn.figures.style import Drawing, NothingToDraw, save
 from granpinn.output import make_folder
 from granpinn.results import Fields
-from granpinn.results.attempt import NotDone, attempt
 from granpinn.results.fields import VARIABLES, after_start
+from granpinn.results.record import failure
 
 if TYPE_CHECKING:
     from granpinn.identification.identified import Identification
@@ -69,16 +69,11 @@ def draw_all(
     pictures, missing = [], {}
     for name, (title, draw) in figures.items():
         path = folder / f"{name}.png"
-        picture = attempt(partial(_write, draw, path, title))
-        if isinstance(picture, NotDone):
+        try:
+            drawing = draw()
+            save(drawing.figure, path)
+            pictures.append(Picture(path, title, drawing.caption))
+        except Exception as error:
+            missing[title] = failure(error)
             path.unlink(missing_ok=True)
-            missing[title] = picture.why
-        else:
-            pictures.append(picture)
     return pictures, missing
-
-
-def _write(draw: Callable[[], Drawing], path: Path, title: str) -> Picture:
-    drawing = draw()
-    save(drawing.figure, path)
-    return Picture(path, title, drawing.caption)

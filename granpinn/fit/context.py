@@ -12,8 +12,7 @@ from granpinn.fit.case import Case, Model
 from granpinn.fit.free_curve import with_free_band
 from granpinn.fit.prediction import Shear, shear_of, with_curve
 from granpinn.results import Fields, Result, write_fields, write_results
-from granpinn.results.attempt import NotDone, attempt
-from granpinn.results.record import Record
+from granpinn.results.record import Record, failure
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty.sensitivity import Assumption
 
@@ -56,12 +55,13 @@ class Context:
             write_results(result, self.folder / "results.json")
 
     def do(self, part: str, work: Callable[[], Record | None]) -> None:
-        """Do what may fail alone (results/attempt.py); its record, or why it failed, is kept."""
-        made = attempt(work)
-        if isinstance(made, NotDone):
-            self.keep(self.result.without(part, made.why))
+        """Do what may fail alone; its record, or why it failed, is kept."""
+        try:
+            record = work()
+        except Exception as error:
+            self.keep(self.result.without(part, failure(error)))
         else:
-            self.keep(self.result.with_record(part, made))
+            self.keep(self.result.with_record(part, record))
 
     def predicted(self) -> Fields:
         """The fields; a batch does not keep those of all its members."""

@@ -20,8 +20,7 @@ from granpinn.fit.context import ASSUMPTIONS, CURVE, FIELDS, Context
 from granpinn.fit.network import FILE, TrainedNetwork, write_network
 from granpinn.identification.identified import Identification
 from granpinn.identification.start import CHECKS, ERROR_BARS, start
-from granpinn.results.attempt import PENDING, NotDone, attempt
-from granpinn.results.record import NONE, Check
+from granpinn.results.record import NONE, PENDING, Check, failure
 from granpinn.simulation.threads import beside_gpu, threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import History
@@ -150,13 +149,17 @@ def with_values(
 def with_intervals(contexts: Sequence[Context], run: TrainingLoop) -> None:
     """Find the effects of uncertain assumptions, and with them the intervals, as one batch."""
     asked = {c.place: c.uncertain for c in contexts if c.uncertain}
-    found = attempt(lambda: assumptions.trained(asked, run)) if asked else {}
+    found, why = {}, ""
+    try:
+        found = assumptions.trained(asked, run) if asked else {}
+    except Exception as error:
+        why = failure(error)
     for context in contexts:
         if not context.uncertain:
             continue
-        if isinstance(found, NotDone):
-            effects = tuple(a.without_effect(found.why) for a in context.uncertain)
-            result = context.result.without(ASSUMPTIONS, found.why)
+        if why:
+            effects = tuple(a.without_effect(why) for a in context.uncertain)
+            result = context.result.without(ASSUMPTIONS, why)
         else:
             effects = found[context.place]
             result = context.result.with_record(ASSUMPTIONS, None)

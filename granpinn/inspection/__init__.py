@@ -28,7 +28,6 @@ from granpinn.estimates.body import Body, body_of
 from granpinn.estimates.facts import Facts, InertialNumbers, inertial_numbers
 from granpinn.physics.law_values import CompleteLaw
 from granpinn.physics.scales import Scales
-from granpinn.results.attempt import NotDone, attempt
 from granpinn.results.record import (
     FLOW,
     GRADES,
@@ -39,6 +38,7 @@ from granpinn.results.record import (
     Reason,
     Record,
     every,
+    failure,
 )
 
 # Some frames are taken evenly from the whole flow: so many at most, and fewer of a large grid.
@@ -99,12 +99,13 @@ class Inspection:
         Raises:
             FlowFileError: the file cannot be read.
         """
-        with np.errstate(all="ignore"):  # what is not finite decides nothing
-            made = attempt(lambda: check.make(self), FlowFileError)
-        if isinstance(made, NotDone):
-            self.not_done[check.name] = made.why
-        elif made is not None:
-            self.records[check.name] = made
+        try:
+            with np.errstate(all="ignore"):  # what is not finite decides nothing
+                record = check.make(self)
+        except Exception as error:
+            self.not_done[check.name] = failure(error, FlowFileError)
+        else:
+            self.records |= {} if record is None else {check.name: record}
 
     @cached_property
     def flow(self) -> Flow:

@@ -3,8 +3,7 @@
 In reading order: parameters (of a law, with their errors, and what a narrow range of I leaves),
 records (data, training, ensemble, error bars), identified_law (its curve over the I of the
 data), record (what a check leaves), assessment (may the numbers be used?), result (all of it),
-results_file (results.json), attempt (parts that may fail
-alone), fields (and which of their points flow).
+results_file (results.json), fields (and which of their points flow).
 """
 
 from granpinn.results.assessment import Assessment

@@ -18,7 +18,7 @@ from granpinn.figures import album, page
 from granpinn.fit import case, prediction
 from granpinn.fit.context import ASSUMPTIONS, CURVE, FIELDS
 from granpinn.output import OutputError
-from granpinn.results.attempt import PENDING, attempt
+from granpinn.results.record import PENDING, failure
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars, sensitivity
 from tests.command.late_parts import FILES, missing, raising, run
@@ -176,10 +176,8 @@ def test_a_member_of_a_batch_fails_alone(
 
 def test_a_disk_that_is_full_is_no_missing_part() -> None:
     with pytest.raises(OutputError, match="no room"):
-        attempt(raising(OutputError("no room")))
-    with pytest.raises(KeyboardInterrupt):
-        attempt(raising(KeyboardInterrupt()))
-    assert attempt(lambda: 3) == 3
+        failure(OutputError("no room"))
+    assert failure(KeyError("a bug")) == "KeyError: 'a bug'"
 
 
 def test_a_figure_fails_alone(
