@@ -35,7 +35,7 @@ from bench.studies import raw
 from bench.studies.cores import alone
 from granpinn.config import Config
 from granpinn.data.schema import FORMAT_NAME, FORMAT_VERSION
-from granpinn.identification.single import identify
+from granpinn.identification.identify import identify
 from granpinn.training.progress import Progress
 
 SIZES = ((200, 128), (2000, 512))  # frames, and cells along each side of the grid

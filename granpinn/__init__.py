@@ -19,10 +19,9 @@ if TYPE_CHECKING:
     from granpinn.config import Config
     from granpinn.data import read_flow, write_flow
     from granpinn.filming import film
-    from granpinn.identification.batch import identify_many
     from granpinn.identification.identified import Identification, load
+    from granpinn.identification.identify import identify, identify_many
     from granpinn.identification.one_law import one_law
-    from granpinn.identification.single import identify
     from granpinn.importers import convert, flow, read
     from granpinn.inspection import inspect
     from granpinn.results import Result
@@ -58,8 +57,8 @@ _HOMES = {
     "convert": "granpinn.importers",
     "film": "granpinn.filming",
     "flow": "granpinn.importers",
-    "identify": "granpinn.identification.single",
-    "identify_many": "granpinn.identification.batch",
+    "identify": "granpinn.identification.identify",
+    "identify_many": "granpinn.identification.identify",
     "inspect": "granpinn.inspection",
     "load": "granpinn.identification.identified",
     "one_law": "granpinn.identification.one_law",

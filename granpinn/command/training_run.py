@@ -15,7 +15,7 @@ from granpinn.command.next_step import require_flow_file
 from granpinn.config import Config, ConfigError
 from granpinn.fit.context import FIELDS
 from granpinn.identification.identified import load
-from granpinn.identification.single import identify
+from granpinn.identification.identify import identify
 from granpinn.identification.start import require_kept
 from granpinn.kernels.builds import wake
 from granpinn.output import objection_to_folder, owned

@@ -54,7 +54,7 @@ class Context:
         if self.folder is not None:
             write_results(result, self.folder / "results.json")
 
-    def do(self, part: str, work: Callable[[], Record | None]) -> None:
+    def attempt(self, part: str, work: Callable[[], Record | None]) -> None:
         """Do what may fail alone; its record, or why it failed, is kept."""
         try:
             record = work()
