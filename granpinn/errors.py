@@ -35,6 +35,10 @@ class Sentence(Exception):
         return super().__str__()
 
 
+class FlowFileWarning(UserWarning):
+    """A flow can be used, but something in it is likely to be wrong; a command prints one line."""
+
+
 class BadInput(Sentence, ValueError):
     """What was given cannot be used: exit code 2. The message is one sentence with the remedy."""
 

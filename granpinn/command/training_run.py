@@ -10,8 +10,7 @@ from threading import Thread
 
 from granpinn import results
 from granpinn.checks import wanted
-from granpinn.command import flow_warnings
-from granpinn.command.next_step import require_flow_file
+from granpinn.command.flow_files import require_flow_files
 from granpinn.config import Config, ConfigError
 from granpinn.fit.context import FIELDS
 from granpinn.identification.identified import load
@@ -39,11 +38,10 @@ def run(config: Config, verbose: bool = False, begin: float | None = None) -> in
     begin = time.monotonic() if begin is None else begin
     assert config.flow is not None
     assert config.out is not None
-    for flow in (config.flow, *config.further_flows):
-        require_flow_file(Path(flow))
+    require_flow_files([Path(flow) for flow in (config.flow, *config.further_flows)], "train on")
     if objection := objection_to_folder(config.out):
         raise ConfigError(f"--out {objection}")
-    with owned(config.out), flow_warnings.in_one_line():
+    with owned(config.out):
         result = _identified(config, verbose, begin)
     asked = [FIELDS, *(check.name for check in wanted(config) if check.asked(config))]
     missing = [name for name in asked if name in result.not_done]

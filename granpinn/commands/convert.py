@@ -15,9 +15,8 @@ if __name__ == "__main__":
 
 from collections.abc import Sequence
 
-from granpinn.command import flow_warnings
 from granpinn.command.cli import Command
-from granpinn.command.conversion import add_arguments, parse, write
+from granpinn.command.flow_files import add_arguments, parse, write
 from granpinn.command.parser import Parser
 from granpinn.config import settings_of
 from granpinn.importers import Settings, convert
@@ -55,8 +54,7 @@ def parser() -> Parser:
 def run(argv: Sequence[str]) -> int:
     sources, out, given = parse(parser(), argv)
     settings = Settings(**given)
-    with flow_warnings.in_one_line():
-        write(convert(sources, settings, report=print), out, settings.force)
+    write(convert(sources, settings, report=print), out, settings.force)
     return 0
 
 

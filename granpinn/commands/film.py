@@ -12,9 +12,8 @@ if __name__ == "__main__":
 
 from collections.abc import Sequence
 
-from granpinn.command import flow_warnings
 from granpinn.command.cli import Command
-from granpinn.command.conversion import add_arguments, parse, write
+from granpinn.command.flow_files import add_arguments, parse, write
 from granpinn.command.parser import Parser
 from granpinn.filming import SETTINGS, film
 
@@ -41,10 +40,9 @@ def parser() -> Parser:
 def run(argv: Sequence[str]) -> int:
     sources, out, given = parse(parser(), argv)
     page = out.with_suffix(".html")
-    with flow_warnings.in_one_line():
-        flow = film(sources, page=page, report=print, **given)
-        print(f"pictures of every stage: {page}")
-        write(flow, out, given.get("force", False))
+    flow = film(sources, page=page, report=print, **given)
+    print(f"pictures of every stage: {page}")
+    write(flow, out, given.get("force", False))
     return 0
 
 

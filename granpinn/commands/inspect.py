@@ -18,12 +18,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from granpinn.command.cli import Command
-from granpinn.command.next_step import refusal, training_of
+from granpinn.command.flow_files import require_flow_files, training_of
 from granpinn.command.parser import Parser, program
 from granpinn.config import ConfigError, SideWalls, settings_of
 from granpinn.config.fields import flag_of
 from granpinn.data import read_flow
-from granpinn.data.flow_file import is_flow_file
 from granpinn.data.steady import said
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.output import make_folder, objection_to_folder, write_text
@@ -84,22 +83,12 @@ def parse(argv: Sequence[str]) -> tuple[list[Path], Path | None, bool, AssumedLa
         raise ConfigError(f"--out {objection}")
     for name, value in walls.items():
         settings_of(SideWalls)[name].check(value, flag_of(WALLS[name]))
-    _require_flow_file(data)
+    require_flow_files(data, "inspect")
     if len(data) > 1 and (as_json or out is not None):
         raise ConfigError(
             f"expected one flow file with --json or --out, got {len(data)}: inspect one at a time"
         )
     return data, out, as_json, law, SideWalls(**walls)
-
-
-def _require_flow_file(paths: list[Path]) -> None:
-    """Raises an error for the files of an instrument, with the command that converts them."""
-    first = paths[0]
-    if not first.exists():
-        raise ConfigError(f"{first} does not exist: name a flow file")
-    if all(path.is_file() and is_flow_file(path) for path in paths):
-        return
-    raise refusal(paths, "inspect")
 
 
 def run(argv: Sequence[str]) -> int:
