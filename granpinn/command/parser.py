@@ -39,7 +39,6 @@ class Parser(argparse.ArgumentParser):
             allow_abbrev=False,
         )
         self.settings: dict[str, Setting] = {}  # by the names of their attributes
-        self._rare: list[tuple[Any, str, str]] = []  # object, attribute, text that --help-all shows
 
     def add_settings(
         self,
@@ -52,34 +51,21 @@ class Parser(argparse.ArgumentParser):
         Args:
             settings: by the names of their attributes, such as "network.widths".
             groups: descriptions of the groups of settings.
-            usual: names in the help; --help-all shows the others and the groups too. None: all.
+            usual: names that the help shows, without groups; None: it shows all.
         """
-        if usual is not None:
-            self.add_argument("--help-all", action=_HelpAll, nargs=0, help="show every setting")
-        places: dict[str, Any] = {"": self}
-        for name, text in (groups or {}).items():
-            places[name] = self.add_argument_group(name)
-            self._show(places[name], "description", text, usual is None)
+        places: dict[str, Any] = {}
+        if usual is None:
+            places = {
+                name: self.add_argument_group(name, text) for name, text in (groups or {}).items()
+            }
         for key, stated in settings.items():
-            shown = usual is None or key in usual
-            add = (places[stated.group] if not shown or usual is None else self).add_argument
             shape: dict[str, Any] = {"action": argparse.BooleanOptionalAction}
             if stated.kind is not bool:
                 shape = {"metavar": metavar_of(stated)}
-            action = add(flag_of(key), dest=key, help=argparse.SUPPRESS, **shape)
-            self._show(action, "help", _help_of(key, stated).replace("%", "%%"), shown)
+            text = _help_of(key, stated).replace("%", "%%")
+            help = text if usual is None or key in usual else argparse.SUPPRESS
+            places.get(stated.group, self).add_argument(flag_of(key), dest=key, help=help, **shape)
         self.settings |= settings
-
-    def _show(self, place: Any, attribute: str, text: str, shown: bool) -> None:
-        if shown:
-            setattr(place, attribute, text)
-        else:
-            self._rare.append((place, attribute, text))
-
-    def show_all(self) -> None:
-        """Let the help show every setting."""
-        for place, attribute, text in self._rare:
-            setattr(place, attribute, text)
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """As in argparse, with settings as values of their types.
@@ -127,13 +113,6 @@ class _Help(argparse.RawDescriptionHelpFormatter):
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, max_help_position=30, width=100)
-
-
-class _HelpAll(argparse.Action):
-    def __call__(self, parser: Any, *others: Any) -> None:
-        parser.show_all()
-        parser.print_help()
-        parser.exit()
 
 
 def metavar_of(stated: Setting) -> str:

@@ -42,7 +42,6 @@ def script(shell: str, parsers: dict[str, Parser]) -> str:
     program = argparse.ArgumentParser("granpinn")
     verbs = program.add_subparsers()
     for verb, made in parsers.items():
-        made.show_all()
         for action in made._actions:
             stated = made.settings.get(action.dest)
             if stated is not None and stated.choices:

@@ -21,7 +21,7 @@ if __name__ == "__main__":
     cli.start("train")
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -67,7 +67,8 @@ class Arguments(NamedTuple):
     verbose: bool
 
 
-def parser() -> Parser:
+def parser(usual: Collection[str] | None = None) -> Parser:
+    """The parser; `usual`: the settings that its help shows, by default all."""
     made = Parser(
         "train",
         "[FLOW.h5 ... --out DIR] [settings]",
@@ -88,10 +89,11 @@ def parser() -> Parser:
         default=False,
         help="print tables, errors of the fields and every check too",
     )
+    made.add_argument("--help-all", action="help", help="show every setting")
     groups = {name: kind.__doc__ or "" for name, kind in sections_of(Config).items()}
     positional = ("flow", "further_flows")
     flags = {key: stated for key, stated in settings_of(Config).items() if key not in positional}
-    made.add_settings(flags, groups, USUAL)
+    made.add_settings(flags, groups, usual)
     return made
 
 
@@ -101,7 +103,8 @@ def parse(argv: Sequence[str]) -> Arguments:
     Later ones win: recipe, `config.toml` of the run that is resumed, `--config` file, flags.
     Without a flow file: the settings of the demonstration, changed by those that are given.
     """
-    flags = vars(parser().parse_args(argv))
+    usual = None if "--help-all" in argv else USUAL
+    flags = vars(parser(usual).parse_args(argv))
     file, verbose = flags.pop("config", None), flags.pop("verbose")
     flows, one_law = flags.pop("flow", []), flags.pop("one_law")
     if len(flows) > 1 and not one_law:
