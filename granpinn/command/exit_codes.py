@@ -24,6 +24,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn, cast
 
@@ -44,7 +45,7 @@ BLAS_THREADS = "OPENBLAS_NUM_THREADS"  # read when NumPy is loaded
 LIMITS = {"-v": (resource.RLIMIT_AS, 2**30), "-d": (resource.RLIMIT_DATA, 2**29)}
 ANYWHERE = ("", "completion", "doctor")  # commands that load no large library
 _guarded: list[str] = []  # the command of this process, if `guard_process` has prepared it
-PACKAGE = os.path.dirname(os.path.dirname(__file__))  # noqa: PTH120 - pathlib is slow to import
+PACKAGE = str(Path(__file__).parents[1])
 
 
 def exit_code(command: str, run: Callable[[], int]) -> int:

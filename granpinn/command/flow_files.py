@@ -13,8 +13,9 @@ from granpinn.data import Flow, FlowFileWarning, write_flow
 from granpinn.data.flow_file import is_flow_file
 from granpinn.errors import BadInput
 from granpinn.inspection import quick
-from granpinn.output import objection_to_file, shell_word
+from granpinn.output import require_file
 from granpinn.results.record import IMPOSSIBLE
+from granpinn.terminal import shell_word
 
 GROUPS = {
     "files": "which files, and what of them",
@@ -49,12 +50,12 @@ def parse(parser: Parser, argv: Sequence[str]) -> tuple[list[Path], Path, dict[s
     """Files, flow file and the settings that a command line gives.
 
     Raises:
-        BadInput: the flow file cannot be written, or is one of the files.
+        BadInput: the flow file is one of the files.
+        OutputError: it cannot be written.
     """
     given = vars(parser.parse_args(argv))
     sources, out = given.pop("sources"), given.pop("out")
-    if objection := objection_to_file(out):
-        raise BadInput(f"--out {objection}")
+    require_file(out)
     if out.exists() and any(source.exists() and source.samefile(out) for source in sources):
         raise BadInput(f"--out must be another file than the data, got {out}")
     return sources, out, given

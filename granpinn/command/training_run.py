@@ -11,13 +11,13 @@ from threading import Thread
 from granpinn import results
 from granpinn.checks import wanted
 from granpinn.command.flow_files import require_flow_files
-from granpinn.config import Config, ConfigError
+from granpinn.config import Config
 from granpinn.fit.context import FIELDS
 from granpinn.identification.identified import load
 from granpinn.identification.identify import identify
 from granpinn.identification.start import require_kept
 from granpinn.kernels.builds import wake
-from granpinn.output import objection_to_folder, owned
+from granpinn.output import owned
 from granpinn.results import Result
 from granpinn.results.record import failure
 from granpinn.results.result import in_words
@@ -39,8 +39,6 @@ def run(config: Config, verbose: bool = False, begin: float | None = None) -> in
     assert config.flow is not None
     assert config.out is not None
     require_flow_files([Path(flow) for flow in (config.flow, *config.further_flows)], "train on")
-    if objection := objection_to_folder(config.out):
-        raise ConfigError(f"--out {objection}")
     with owned(config.out):
         result = _identified(config, verbose, begin)
     asked = [FIELDS, *(check.name for check in wanted(config) if check.asked(config))]

@@ -25,7 +25,7 @@ from granpinn.config.fields import flag_of
 from granpinn.data import read_flow
 from granpinn.data.steady import said
 from granpinn.inspection import AssumedLaw, Inspection, inspect
-from granpinn.output import make_folder, objection_to_folder, write_text
+from granpinn.output import owned, write_text
 from granpinn.uncertainty import expected
 
 EXAMPLES = """examples:
@@ -79,8 +79,6 @@ def parse(argv: Sequence[str]) -> tuple[list[Path], Path | None, bool, AssumedLa
         law = AssumedLaw(**given)
     except ValueError as error:
         raise ConfigError(f"the friction law is impossible: {error}") from None
-    if out is not None and (objection := objection_to_folder(out)):
-        raise ConfigError(f"--out {objection}")
     for name, value in walls.items():
         settings_of(SideWalls)[name].check(value, flag_of(WALLS[name]))
     require_flow_files(data, "inspect")
@@ -98,11 +96,12 @@ def run(argv: Sequence[str]) -> int:
         print(f"next: {program('train')} {' '.join(map(str, every))} --one-law --out run")
         return 0
     data = every[0]
-    flow = read_flow(data)
-    found = inspect(flow, law, side_walls)
-    numbers = json.dumps(found.numbers(), indent=2, allow_nan=False)
-    if out is not None:
-        write(found, numbers, out)
+    with owned(out):
+        flow = read_flow(data)
+        found = inspect(flow, law, side_walls)
+        numbers = json.dumps(found.numbers(), indent=2, allow_nan=False)
+        if out is not None:
+            write(found, numbers, out)
     if as_json:
         print(numbers)
         return 0
@@ -123,10 +122,9 @@ def run(argv: Sequence[str]) -> int:
 
 
 def write(found: Inspection, numbers: str, folder: Path) -> None:
-    """Writes inspect.json and the figures to a folder, which is made if necessary."""
+    """Write inspect.json and the figures to a folder."""
     from granpinn.figures.style import save  # matplotlib is slow to import
 
-    make_folder(folder)
     write_text(folder / "inspect.json", numbers + "\n")
     for record in found.records.values():
         for name, (_, draw) in record.figures().items():

@@ -24,7 +24,7 @@ from granpinn.command.cli import Command
 from granpinn.command.parser import Parser
 from granpinn.config import ConfigError, settings_of
 from granpinn.config.fields import Setting, flag_of
-from granpinn.output import objection_to_file
+from granpinn.output import require_file
 from granpinn.simulation import Chute, Collapse, Scene, simulate
 from granpinn.simulation.run import lines
 
@@ -101,9 +101,7 @@ def parse(argv: Sequence[str]) -> tuple[type[Scene], Path, dict[str, Any]]:
             )
     if out is None:
         raise ConfigError("--out, the flow file to write, is missing: give --out FLOW.h5")
-    if objection := objection_to_file(out):
-        raise ConfigError(f"--out {objection}")
-    return SCENES[name], out, given
+    return SCENES[name], require_file(out), given
 
 
 def run(argv: Sequence[str]) -> int:

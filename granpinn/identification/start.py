@@ -14,7 +14,7 @@ from granpinn.config.toml import to_toml
 from granpinn.estimates.confined import undetermined
 from granpinn.fit import assumptions
 from granpinn.fit.case import Case
-from granpinn.output import OutputError, make_folder, objection_to_folder, write_text
+from granpinn.output import OutputError, make_folder, write_text
 from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
@@ -102,8 +102,6 @@ def prepare(folder: Path, config: Config) -> Path:
             f"{folder} already holds a run ({taken[0]}): add --resume to continue it, or choose "
             f"another folder"
         )
-    if objection := objection_to_folder(folder):
-        raise ConfigError(f"run_dir {objection}")
     make_folder(folder)
     if not (config.resume and (folder / "config.toml").exists()):
         settings = dataclasses.replace(config, resume=False)

@@ -93,7 +93,7 @@ WORDS = {
         "--cells 100": "cells must be a multiple of 8",
         "--cells 32": "at least 4 cells wide",
         "--aspect 0.1": "must fit into the box",
-        "--gravity 0,1": "gravity must be two numbers and point down",
+        "--gravity 0,1": "gravity must point down",
         "--cfl 0.9": "cfl must be in [0.01, 0.5]",
         "--frames 1": "frames must be in [2, 100000]",
         "--stride 100": "stride 100 leaves no points",
@@ -131,8 +131,8 @@ FOUND_BY_ATTACKS = [
     ({"wall_gap": "0"}, "wall_gap must be in [1e-12, 1e+12], got 0"),
     ({"wall_friction": "0.1"}, "wall_friction needs the distance of the side walls"),
     ({"wall_gap": "1", "wall_friction": "-0.1"}, "wall_friction must be in [0, 2], got -0.1"),
-    ({"gravity": "0,-1,0"}, "gravity must be two numbers"),
-    ({"gravity": "0,-1e-300"}, "gravity must be two numbers and point down"),
+    ({"gravity": "0,-1,0"}, "gravity must be a list of 2"),
+    ({"gravity": "0,-1e-300"}, "gravity must point down"),
     ({"gravity": "1e300,-1"}, "gravity must be in"),
 ]
 
