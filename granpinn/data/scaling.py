@@ -14,8 +14,8 @@ from granpinn.arrays import Float64, Floats
 from granpinn.data.flow import WALL_GAP, Flow, FlowFileError
 from granpinn.data.symmetry import axes_of
 from granpinn.physics.axes import Axes
+from granpinn.physics.constants import side_wall
 from granpinn.physics.scales import EquationConstants, Scales
-from granpinn.physics.side_walls import coefficient
 
 FLOAT32 = 2.0**-23  # distance of neighboring float32 numbers, relative
 SMALL_PART = 2.0**-10  # of a step, by which float32 may round a coordinate
@@ -98,7 +98,7 @@ def equation_constants(flow: Flow, scales: Scales) -> EquationConstants:
 def side_wall_of(flow: Flow, scales: Scales, friction: float) -> float:
     """k = 2 mu_w / W of side walls with a friction mu_w, dimensionless; 0 without `wall_gap`."""
     gap = flow.stated(WALL_GAP)
-    return 0.0 if gap is None else coefficient(friction, scales.to_dimensionless(gap, "length"))
+    return 0.0 if gap is None else side_wall(friction, scales.to_dimensionless(gap, "length"))
 
 
 def initial_height(flow: Flow) -> float:

@@ -30,7 +30,6 @@ from granpinn.declared import plain
 from granpinn.output import write_text
 from granpinn.output.table import Table, paragraphs
 from granpinn.physics.laws import LAWS, FrictionLaw
-from granpinn.physics.rheology import by_parameters
 from granpinn.physics.terms import Form
 from granpinn.results import export
 from granpinn.results.assessment import Assessment, assess, evidence, reach_of
@@ -281,7 +280,7 @@ def friction_sd(I: Floats, result: Result, covariance: Covariance) -> Floats:
     $$ \sigma_\mu^2 = J\,C\,J^T, \quad J = \partial \mu / \partial \theta. $$
     """
     law = result.friction_law
-    rows = by_parameters(law, np.asarray(I, np.float64), result.theta)
+    rows = law.by_parameters(np.asarray(I, np.float64), result.theta)
     J = rows[:, [law.names.index(name) for name in covariance.names]]
     variance = np.einsum("ni,ij,nj->n", J, np.array(covariance.matrix), J)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))

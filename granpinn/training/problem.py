@@ -34,9 +34,8 @@ from granpinn.data.scaling import equation_constants, side_wall_of
 from granpinn.data.symmetry import axes_of, words
 from granpinn.estimates.facts import Facts
 from granpinn.kernels.network import OUTPUTS, NetworkSpec
-from granpinn.physics.constants import Physics
+from granpinn.physics.constants import AT_REST, Physics
 from granpinn.physics.scales import Scales
-from granpinn.physics.side_walls import AT_REST
 from granpinn.physics.terms import LAW, TERMS
 
 RESOLVED = 1000.0  # n
