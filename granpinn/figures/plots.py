@@ -99,7 +99,7 @@ class Plots:
             text = label(SYMBOLS.get(name, f"${name}$"), found.units.of(kind))
             norm = _decades(values) if name in DECADES else maps.value_norm(values)
             one = maps.Map(f"$t$ = {found.t[k]:.4g}", values, norm, text)
-            maps.draw_map(ax, found, maps.grain_window(found, k), one)
+            maps.draw_grains(ax, found, maps.grain_window(found, k), one)
         return panels
 
     @checked

@@ -131,8 +131,7 @@ class Inspection:
     @cached_property
     def law(self) -> AssumedLaw:
         """The assumed law in the units and over the range of I of the flow."""
-        law = self.given.in_units(self.scales.pressure)
-        return law.at_quantiles(self.inertia.quantiles)
+        return self.given.of_flow(self.scales.pressure, self.inertia.quantiles)
 
     @cached_property
     def undetermined(self) -> str | None:

@@ -34,7 +34,7 @@ class Physics(NamedTuple):
     """Constants of the equations, dimensionless; the fields and the order of csrc/math/physics.h.
 
     Attributes:
-        grain_diameter: d of the inertial number (`granpinn.physics.scales.EquationConstants`).
+        grain_diameter: d of the inertial number (`data.scaling.inertial_diameter`).
         g_x, g_y: gravity, a unit vector.
         eta_min, eta_max: bounds of the viscosity.
         velocity_scale, pressure_scale: of the network's raw outputs.
