@@ -29,8 +29,8 @@ from granpinn.physics.laws import LAWS
 from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
 from granpinn.results.fields import after_start, flowing
-from granpinn.results.identified_law import StressPoints
 from granpinn.results.parameters import NOT_DETERMINED
+from granpinn.results.records import StressPoints
 from granpinn.results.result import true_friction
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points

@@ -27,9 +27,8 @@ from granpinn.results import (
     Result,
     write_results,
 )
-from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import NONE
-from granpinn.results.records import Assumed
+from granpinn.results.records import Assumed, IdentifiedLaw
 from granpinn.results.result import FlowOfLaw
 from granpinn.training.progress import Progress
 from granpinn.uncertainty import one_law as fitted

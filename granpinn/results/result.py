@@ -33,7 +33,6 @@ from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.terms import Form
 from granpinn.results import export
 from granpinn.results.assessment import Assessment, assess, evidence, reach_of
-from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.parameters import (
     FIELD_ERRORS,
     NOT_DETERMINED,
@@ -49,6 +48,7 @@ from granpinn.results.records import (
     Assumed,
     DataSummary,
     ErrorBars,
+    IdentifiedLaw,
     Input,
     Members,
     Timing,
@@ -232,7 +232,7 @@ class Result:
         parts: list[object] = [
             f"{' and '.join(names)} {NOT_DETERMINED}: {why}" for why, names in lost.items()
         ]
-        parts += [] if self.law.I_range is None else [self.law]
+        parts += [] if self.law.I_range is None else [f"mu(I) = {self.law.words}"]
         return list(map(str, [*parts, *self.flows, *self.assumptions]))
 
     def _missing(self) -> list[str]:
@@ -297,7 +297,7 @@ def brief(result: Result) -> list[str]:
         "   ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True) if w).rstrip()
         for row in rows
     ]
-    made.append(f"mu(I)   {_curve(result)}")
+    made.append(f"mu(I)   {_curve(result.law)}")
     made += [f"flow    {flow}" for flow in result.flows]
     made.append(f"{result.assessment.grade.upper():4s}    {evidence(result)}")
     return made
@@ -316,25 +316,18 @@ def _row(result: Result, name: str, p: Parameter) -> list[str]:
     return [f"{name:5s}", value, "" if true is None else f"true {_short(true)}", "".join(notes)]
 
 
-def _curve(result: Result) -> str:
+def _curve(law: IdentifiedLaw) -> str:
     """mu at both ends of the I of the data, with half of the 90 % interval."""
-    law, curve = result.law, result.law.curve
-    if curve is None:
-        return f"{NOT_DETERMINED}: {law.reason}" if law.reason else NOT_DETERMINED
-    ends = [0, -1] if curve.I[-1] > curve.I[0] else [0]
-    if not any(map(curve.determines, ends)):
-        return f"{NOT_DETERMINED} at I = {' to '.join(f'{curve.I[k]:.2g}' for k in ends)}"
-    words = []
-    for k in ends:
-        if not curve.determines(k):
-            words.append(f"{NOT_DETERMINED} at I = {curve.I[k]:.2g}")
-            continue
-        mu = _short(curve.mu[k])
-        if curve.low is not None and curve.high is not None:
-            mu += f" +- {_short((curve.high[k] - curve.low[k]) / 2)}"
-        words.append(f"{mu} at I = {curve.I[k]:.2g}")
-    reason = f"; the error is not known: {law.reason}" if curve.low is None and law.reason else ""
-    return " to ".join(words) + reason
+    curve = law.curve
+    if curve is None or curve.low is None or curve.high is None:
+        return law.words
+    half = [(high - low) / 2 for low, high in zip(curve.low, curve.high, strict=True)]
+
+    def words(k: int) -> str:
+        known = f"{_short(curve.mu[k])} +- {_short(half[k])}"
+        return known if curve.determines(k) else NOT_DETERMINED
+
+    return curve.at_ends(words)
 
 
 def _short(value: float) -> str:
