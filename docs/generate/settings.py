@@ -6,8 +6,7 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
-from granpinn.config import Config, flatten
-from granpinn.config.recipes import RECIPES
+from granpinn.config import RECIPES, Config, flatten
 
 
 def reference() -> str:

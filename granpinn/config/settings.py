@@ -22,7 +22,6 @@ from granpinn.config.fields import (
     settings_of,
     unknown,
 )
-from granpinn.config.recipes import RECIPES
 from granpinn.config.sections import (
     Batch,
     Network,
@@ -33,12 +32,45 @@ from granpinn.config.sections import (
 )
 from granpinn.declared import shown
 from granpinn.physics.laws import DEFAULT, LAWS
-from granpinn.physics.terms import Form
+from granpinn.physics.terms import NAMES, Form
 
 Level = Literal["V0", "V1", "V2"]
 LEVELS: tuple[Level, ...] = get_args(Level)
 MOST_STEPS, MOST_SECONDS = 10**12, 1e9  # more than any machine lasts
 MOST_LAYERS = 64
+
+# The paper to the letter: section Training; where it is silent, what its library does by default
+# (Glorot uniform weights, epsilon 1e-7) and the plain reading (learning rate linear in the step,
+# unit weights in the units of the data, no scaling of inputs and outputs).
+PAPER: dict[str, Any] = {
+    "level": "V2",
+    "form": "strong",
+    "units": "file",
+    "steps": None,
+    "epochs": 20000,
+    "network.widths": (250, 250, 250),
+    "network.initialization": "glorot_uniform",
+    "rheology.variables": "sigmoid",
+    "rheology.random_start": True,
+    "side_walls.friction": 0.0,
+    "weights.law_error": 0.0,
+    "weights.follow_noise": False,
+    **{f"weights.sigma_{name}": 1.0 for name in NAMES},
+    "batch.interior": 512,
+    "batch.surface": 512,
+    "batch.collocation": 0.0,
+    "optimizer.method": "adam",
+    "optimizer.learning_rate": 5e-4,
+    "optimizer.scalars_learning_rate": 5e-4,
+    "optimizer.final_fraction": 0.02,
+    "optimizer.warm_up": 0.0,
+    "optimizer.prefit": 0.0,
+    "optimizer.beta_2": 0.999,
+    "optimizer.epsilon": 1e-7,
+    "optimizer.last_layer": False,
+}
+RECIPES: dict[str, dict[str, Any]] = {"default": {}, "paper": PAPER}
+"""Named sets of settings that a Config starts from."""
 
 
 @dataclass(frozen=True, kw_only=True)
