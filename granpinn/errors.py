@@ -1,7 +1,7 @@
 """The errors that end a command, by what the user can do about them.
 
 Every error class of granpinn derives from one of these, so a new error needs no further entry: its
-base class fixes the exit code of all commands (`granpinn.command.exit_codes`).
+base class fixes the exit code of all commands (`granpinn.commands.shared.exit_codes`).
 """
 
 from __future__ import annotations

@@ -6,15 +6,15 @@ Exit codes: 0 done; 2 bad or impossible input, without --force; 1 the flow file 
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("film")
 
 from collections.abc import Sequence
 
-from granpinn.command.cli import Command
-from granpinn.command.flow_files import add_arguments, parse, write
-from granpinn.command.parser import Parser
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.flow_files import add_arguments, parse, write
+from granpinn.commands.shared.parser import Parser
 from granpinn.filming import SETTINGS, film
 
 EXAMPLES = """examples:

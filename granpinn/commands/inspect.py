@@ -8,7 +8,7 @@ In Python, `granpinn.inspect(flow)` gives the same numbers.
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("inspect")
 
@@ -17,9 +17,9 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from granpinn.command.cli import Command
-from granpinn.command.flow_files import require_flow_files, training_of
-from granpinn.command.parser import Parser, program
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.flow_files import require_flow_files, training_of
+from granpinn.commands.shared.parser import Parser, program
 from granpinn.config import ConfigError, SideWalls, settings_of
 from granpinn.config.fields import flag_of
 from granpinn.data import read_flow

@@ -8,15 +8,15 @@ network. The page lists what is missing.
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("report")
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from granpinn.command.cli import Command
-from granpinn.command.parser import Parser
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.parser import Parser
 from granpinn.config.fields import Setting
 from granpinn.output import owned
 

@@ -5,7 +5,7 @@ flow file -> noise -> training set -> identification -> results.json, fields.h5 
 Whatever follows the first results.json fails alone: it becomes a sentence in `not_done` of
 results.json, in the terminal and on the page.
 
-The work is in granpinn/command/training_run.py, which is loaded after the words of the command: so
+The work is in commands/shared/training_run.py, which is loaded after the words of the command: so
 `--help` and refusals are quick.
 
 Exit codes: 0 done, also without a check of the default, a figure or the page; 2 bad input; 1 the
@@ -16,7 +16,7 @@ SIGHUP, SIGINT, SIGTERM.
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("train")
 
@@ -25,9 +25,9 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from granpinn.command import exit_codes
-from granpinn.command.cli import Command
-from granpinn.command.parser import Parser, program
+from granpinn.commands.shared import exit_codes
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.parser import Parser, program
 from granpinn.config import Config, ConfigError, settings_of
 from granpinn.config.fields import sections_of
 from granpinn.config.toml import read_toml
@@ -152,7 +152,7 @@ def run(argv: Sequence[str]) -> int:
     from granpinn import foreign
 
     foreign.start()  # it opens the flow file; its imports run beside those of torch
-    from granpinn.command import training_run
+    from granpinn.commands.shared import training_run
 
     exit_codes.keep_what_is_loaded()
     return training_run.run(config, verbose, begin)

@@ -147,7 +147,7 @@ PHASES = {
 # A training that announces a phase and stays in it; if it is slow, it takes long to clean up.
 CHILD = """
 import importlib, sys, time
-from granpinn.command import exit_codes
+from granpinn.commands.shared import exit_codes
 exit_codes.guard_process("train")
 from granpinn.commands import train
 from granpinn.training import checkpoint

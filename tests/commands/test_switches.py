@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from granpinn.command.flow_files import require_flow_files
+from granpinn.commands.shared.flow_files import require_flow_files
 from granpinn.commands.train import parse
 from granpinn.errors import BadInput
 

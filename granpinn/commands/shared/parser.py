@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 from granpinn.config.fields import NONE, Setting, convert, flag_of, most_like, without_none
 from granpinn.errors import BadInput
 
-PACKAGE = Path(__file__).parent.parent
+PACKAGE = Path(__file__).parents[2]
 
 
 def program(verb: str) -> str:

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granpinn.command.exit_codes import fail
-from granpinn.command.flow_files import require_flow_files
 from granpinn.commands import convert, inspect
+from granpinn.commands.shared.exit_codes import fail
+from granpinn.commands.shared.flow_files import require_flow_files
 from granpinn.data import Flow
 from granpinn.errors import BadInput
 from granpinn.importers.formats import detect

@@ -45,7 +45,7 @@ BLAS_THREADS = "OPENBLAS_NUM_THREADS"  # read when NumPy is loaded
 LIMITS = {"-v": (resource.RLIMIT_AS, 2**30), "-d": (resource.RLIMIT_DATA, 2**29)}
 ANYWHERE = ("", "completion", "doctor")  # commands that load no large library
 _guarded: list[str] = []  # the command of this process, if `guard_process` has prepared it
-PACKAGE = str(Path(__file__).parents[1])
+PACKAGE = str(Path(__file__).parents[2])
 
 
 def exit_code(command: str, run: Callable[[], int]) -> int:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from granpinn.command import cli
 from granpinn.commands import convert, inspect, report, train
+from granpinn.commands.shared import cli
 from granpinn.config import ConfigError
 from granpinn.config.fields import convert as value_of
 from granpinn.data import write_flow

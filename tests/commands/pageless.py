@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from granpinn.command import exit_codes
+from granpinn.commands.shared import exit_codes
 
 if __name__ == "__main__":
     exit_codes.guard_process("train")

@@ -21,7 +21,7 @@ from granpinn.output import OutputError
 from granpinn.results.record import PENDING, failure
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars, sensitivity
-from tests.command.late_parts import FILES, missing, raising, run
+from tests.commands.late_parts import FILES, missing, raising, run
 from tests.runs import tiny
 
 BALANCE = "momentum_balance"

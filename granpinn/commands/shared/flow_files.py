@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from granpinn.command.parser import Parser, program
+from granpinn.commands.shared.parser import Parser, program
 from granpinn.config.fields import Setting
 from granpinn.data import Flow, FlowFileWarning, write_flow
 from granpinn.data.flow_file import is_flow_file

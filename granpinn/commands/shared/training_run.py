@@ -10,7 +10,7 @@ from threading import Thread
 
 from granpinn import results
 from granpinn.checks import wanted
-from granpinn.command.flow_files import require_flow_files
+from granpinn.commands.shared.flow_files import require_flow_files
 from granpinn.config import Config
 from granpinn.fit.context import FIELDS
 from granpinn.identification.identified import load
