@@ -11,7 +11,7 @@ import difflib
 import functools
 import math
 import types
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -71,7 +71,7 @@ class Setting:
         numbers = value if isinstance(value, tuple) else (value,)
         if any(isinstance(x, int | float) and not self._holds(x) for x in numbers):
             raise ConfigError(
-                f"{name} must be {self.range_text}, got {_text(value)}: --help explains it"
+                f"{name} must be {self.range_text}, got {as_text(value)}: --help explains it"
             )
         return value
 
@@ -151,12 +151,17 @@ def settings_of(cls: type) -> dict[str, Setting]:
 
 
 def flatten(config: Any, prefix: str = "") -> dict[str, Any]:
-    """{"network.widths": (128, 128, 128), ...}: the value of every setting by its dotted name."""
+    """{"network.widths": (128, 128, 128), ...}: the value of every setting by its dotted name.
+
+    Args:
+        config: a dataclass or a dict, with others in it.
+    """
     flat: dict[str, Any] = {}
-    for f in dataclasses.fields(config):
-        value = getattr(config, f.name)
-        nested = dataclasses.is_dataclass(value)
-        flat |= flatten(value, f"{prefix}{f.name}.") if nested else {prefix + f.name: value}
+    names = config if isinstance(config, Mapping) else [f.name for f in dataclasses.fields(config)]
+    for name in names:
+        value = config[name] if isinstance(config, Mapping) else getattr(config, name)
+        nested = dataclasses.is_dataclass(value) or isinstance(value, Mapping)
+        flat |= flatten(value, f"{prefix}{name}.") if nested else {prefix + name: value}
     return flat
 
 
@@ -213,5 +218,8 @@ READERS: dict[Any, Callable[[str], Any]] = {
 }
 
 
-def _text(value: Any) -> str:
-    return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+def as_text(value: Any) -> str:
+    """A value as on the command line."""
+    if value is None:
+        return NONE
+    return ",".join(map(str, value)) if isinstance(value, tuple | list) else str(value)

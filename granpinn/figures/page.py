@@ -9,12 +9,13 @@ import base64
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import jinja2
 import numpy as np
 from markupsafe import Markup
 
+from granpinn.config.fields import as_text, flatten
 from granpinn.figures import album
 from granpinn.output import write_text
 from granpinn.output.table import Table
@@ -51,7 +52,7 @@ def render(
     result: Result, pictures: Sequence[album.Picture] = (), missing: dict[str, str] | None = None
 ) -> str:
     """The page, with every figure inside."""
-    settings = {k: v for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
+    settings = {k: as_text(v) for k, v in flatten(result.settings).items() if k not in OWN_PLACE}
     law, curve = result.friction_law, result.law.curve
     true = None if curve is None else true_friction(result, np.array(curve.I))
     flows = Table(
@@ -103,16 +104,3 @@ def encoded(content: Path | bytes) -> str:
     """Bytes, or those of a file, in base64."""
     known = content if isinstance(content, bytes) else content.read_bytes()
     return base64.b64encode(known).decode("ascii")
-
-
-def flatten(settings: dict[str, Any], prefix: str = "") -> dict[str, str]:
-    """{"network.widths": "128, 128", ...}: nested settings as text under dotted names."""
-    flat: dict[str, str] = {}
-    for key, value in settings.items():
-        if isinstance(value, dict):
-            flat |= flatten(value, f"{prefix}{key}.")
-        elif isinstance(value, list):
-            flat[prefix + key] = ", ".join(map(str, value))
-        else:
-            flat[prefix + key] = "none" if value is None else str(value)
-    return flat

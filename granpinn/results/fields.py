@@ -215,7 +215,7 @@ def write_fields(fields: Fields, path: str | Path) -> None:
         "time_scale": fields.time,
         "pressure_scale": fields.pressure,
     }
-    with hdf5_file(path) as file, packer() as threads:
+    with hdf5_file(path) as file, packer() as write:
         _write_attributes(file, attributes)
         for name in AXES:
             file.create_dataset(name, data=getattr(fields, name)).make_scale(name)
@@ -226,7 +226,7 @@ def write_fields(fields: Fields, path: str | Path) -> None:
             _write_attributes(dataset, _description(fields, name))
             for dimension, axis in zip(dataset.dims, AXES, strict=True):
                 dimension.attach_scale(file[axis])
-            threads.write(dataset, partial(fields.frame, name))
+            write(dataset, partial(fields.frame, name))
 
 
 def _write_attributes(place: h5py.File | h5py.Dataset, attributes: Mapping[str, Any]) -> None:

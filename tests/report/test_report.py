@@ -88,7 +88,7 @@ def test_values_and_errors_have_their_digits() -> None:
         "reproduced to 0.80 %",
         "Stagnant: D2 below 0.05",
         "mixed form, default recipe, seed 7",
-        "network.widths 40, 40",
+        "network.widths 40,40",
         "max_time none",
         "python 3.11.7, torch 2.11.0",
         "one standard deviation",

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from granpinn.config.fields import NONE, Setting, convert, flag_of, most_like, without_none
+from granpinn.config.fields import NONE, Setting, as_text, convert, flag_of, most_like, without_none
 from granpinn.errors import BadInput
 
 PACKAGE = Path(__file__).parents[2]
@@ -131,6 +131,5 @@ def _help_of(key: str, stated: Setting) -> str:
     value, text = stated.default, stated.help
     if stated.kind is bool:
         return f"{text} (on by default)" if value else text
-    if value is None:
-        return f"{text} (default {NONE})" if f"{NONE}:" in text else text
-    return f"{text} (default {','.join(map(str, value)) if isinstance(value, tuple) else value})"
+    stated_default = value is not None or f"{NONE}:" in text
+    return f"{text} (default {as_text(value)})" if stated_default else text

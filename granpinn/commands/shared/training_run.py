@@ -18,7 +18,6 @@ from granpinn.identification.identify import identify
 from granpinn.identification.start import require_kept
 from granpinn.kernels.builds import wake
 from granpinn.output import owned
-from granpinn.results import Result
 from granpinn.results.record import failure
 from granpinn.results.result import in_words
 from granpinn.terminal import say
@@ -38,29 +37,16 @@ def run(config: Config, verbose: bool = False, begin: float | None = None) -> in
     begin = time.monotonic() if begin is None else begin
     assert config.flow is not None
     assert config.out is not None
-    require_flow_files([Path(flow) for flow in (config.flow, *config.further_flows)], "train on")
-    with owned(config.out):
-        result = _identified(config, verbose, begin)
-    asked = [FIELDS, *(check.name for check in wanted(config) if check.asked(config))]
-    missing = [name for name in asked if name in result.not_done]
-    for name in missing:
-        why = result.not_done[name]
-        say(f"granpinn.train: no {in_words(name)}: {why}; the other results are valid")
-    return 1 if missing else 0
-
-
-def _identified(config: Config, verbose: bool, begin: float) -> Result:
-    """The result with its checks, and the report."""
-    assert config.flow is not None
-    assert config.out is not None
-    folder = Path(config.out)
-    flows = [config.flow, *config.further_flows]
-    listener = progress.automatic()
-    # matplotlib takes a second to load; the training leaves the interpreter idle
-    Thread(target=import_module, args=("granpinn.figures.page",)).start()
-    Thread(target=wake, args=(config.device,)).start()
-    with ExitStack() as at_end:
+    folder, flows = Path(config.out), [config.flow, *config.further_flows]
+    require_flow_files([Path(flow) for flow in flows], "train on")
+    checks = wanted(config)
+    asked = [check.name for check in checks if check.asked(config)]
+    with owned(folder), ExitStack() as at_end:
+        listener = progress.automatic()
         at_end.callback(listener.stop)
+        # matplotlib takes a second to load; the training leaves the interpreter idle
+        Thread(target=import_module, args=("granpinn.figures.page",)).start()
+        Thread(target=wake, args=(config.device,)).start()
         result = identify(
             flows if len(flows) > 1 else config.flow,
             config,
@@ -73,9 +59,9 @@ def _identified(config: Config, verbose: bool, begin: float) -> Result:
         if verbose:
             print(result.summary())
         print(result, flush=True)
-        for check in [] if verbose else wanted(config):
-            if check.asked(config) and check.name in result.checks:
-                print(result.checks[check.name], flush=True)
+        for name in [] if verbose else asked:
+            if name in result.checks:
+                print(result.checks[name], flush=True)
         listener.stage("figures")
         for place in [*(folder / f"{k:03d}" for k in range(len(result.flows))), folder]:
             try:
@@ -85,6 +71,11 @@ def _identified(config: Config, verbose: bool, begin: float) -> Result:
                 page = f"not done: {why}"
                 if place == folder:
                     results.write_results(result.without(REPORT, why), folder / "results.json")
-    print(f"report: {page}")
-    require_kept(folder)
-    return result
+        listener.stop()
+        print(f"report: {page}")
+        require_kept(folder)
+    missing = [name for name in (FIELDS, *asked) if name in result.not_done]
+    for name in missing:
+        why = result.not_done[name]
+        say(f"granpinn.train: no {in_words(name)}: {why}; the other results are valid")
+    return 1 if missing else 0
