@@ -17,7 +17,6 @@ if __name__ == "__main__":
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from granpinn.commands.shared.cli import Command
 from granpinn.commands.shared.parser import Parser
@@ -60,17 +59,12 @@ def parser(scene: str = "collapse") -> Parser:
     return made
 
 
-def parse(argv: Sequence[str]) -> tuple[type[Scene], Path, dict[str, Any]]:
-    """The class of the scene, the flow file, and the settings of a command line."""
-    named = bool(argv) and argv[0] in SCENES
-    scene = argv[0] if named else "collapse"
-    given = vars(parser(scene).parse_args(argv[1:] if named else argv))
-    return SCENES[scene], require_file(given.pop("out")), given
-
-
 def run(argv: Sequence[str]) -> int:
-    kind, out, settings = parse(argv)
-    scene = kind(**settings)
+    named = bool(argv) and argv[0] in SCENES
+    name = argv[0] if named else "collapse"
+    given = vars(parser(name).parse_args(argv[1:] if named else argv))
+    out = require_file(given.pop("out"))
+    scene = SCENES[name](**given)
     t_end = scene.resolved().t_end
     assert t_end is not None
     simulate(scene, out=out, listener=lines(t_end))
