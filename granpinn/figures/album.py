@@ -47,7 +47,7 @@ FIGURES: Figures = {
 }
 
 # Of a result of several flows with one law; the figures of a flow are in its folder.
-FLOWS: Figures = {"friction_law": ("Friction law", lambda run, _: curves.law_of_flows(run))}
+FLOWS: Figures = {"friction_law": ("Friction law", lambda run, _: curves.friction_law(run, None))}
 
 
 def draw_all(

@@ -28,7 +28,7 @@ from granpinn.config import Level
 from granpinn.data import Truth
 from granpinn.declared import plain
 from granpinn.output import write_text
-from granpinn.output.table import Table, paragraphs
+from granpinn.output.table import Table, paragraph
 from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.terms import Form
 from granpinn.results import export
@@ -196,16 +196,23 @@ class Result:
 
     def summary(self) -> str:
         """All that is known as text: tables, every check, and the assessment at the end."""
-        parts = [*self.table.lines(), *self._facts(), *map(str, self.checks.values())]
-        return "\n".join([*parts, *self._missing(), f"assessment: {self.assessment}"])
+        lines = [
+            line
+            for part in self._parts()
+            for line in (part.lines() if isinstance(part, Table) else [part])
+        ]
+        return "\n".join([*lines, f"assessment: {self.assessment}"])
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with the assessment first."""
-        parts = [paragraphs([str(self.assessment)]), self.table.html(), paragraphs(self._facts())]
-        for record in self.checks.values():
-            parts.append(paragraphs([record.words]))
-            parts += [] if record.table is None else [record.table.html()]
-        return "\n".join([*parts, paragraphs(self._missing())])
+        parts = [
+            part.html() if isinstance(part, Table) else paragraph(part) for part in self._parts()
+        ]
+        return "\n".join([paragraph(str(self.assessment)), *parts])
+
+    def _parts(self) -> list[str | Table]:
+        checks = [part for c in self.checks.values() for part in (c.words, c.table) if part]
+        return [self.table, *self._facts(), *checks, *self._missing()]
 
     @property
     def table(self) -> Table:
