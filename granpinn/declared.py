@@ -113,34 +113,23 @@ class WrongTypeError(BadInput):
     """A value has another type than its place declares."""
 
 
-def typed(
-    value: Any,
-    kind: Any,
-    name: str,
-    error: type[ValueError] = WrongTypeError,
-    *,
-    records: bool = False,
-) -> Any:
+def typed(value: Any, kind: Any, name: str, *, records: bool = False) -> Any:
     """A value as its declared type: a list becomes a tuple, a whole number a float.
 
     Args:
         name: of the value, for the message; "": it has none.
-        error: class of the error.
         records: whether a dict stands for a dataclass or a dict of them, as in JSON.
 
     Raises:
-        error: the value has another type; the message is one sentence that names the place.
+        WrongTypeError: the message is one sentence that names the place.
     """
     origin, inner = get_origin(kind) or kind, get_args(kind)
     is_class = isinstance(origin, type)
 
-    def item(value: Any, kind: Any, place: str) -> Any:
-        return typed(value, kind, place, error, records=records)
-
     if kind is Any or kind == npt.ArrayLike:
         return value
     if len(parts := _parts(kind)) > 1:
-        return _one_of(value, parts, name, error, records)
+        return _one_of(value, parts, name, records)
     if kind in NUMBERS:
         if (number := NUMBERS[kind](value)) is not None:
             return number
@@ -150,64 +139,63 @@ def typed(
     elif origin in ORDERED:
         if _ordered(value):
             if origin is tuple and inner[-1] is not ... and len(value) != len(inner):
-                raise error(f"{name} must be a list of {len(inner)}, got {shown(value)}")
-            return tuple(item(one, inner[0], f"{name}[{k}]") for k, one in enumerate(value))
+                raise WrongTypeError(f"{name} must be a list of {len(inner)}, got {shown(value)}")
+            return tuple(
+                typed(one, inner[0], f"{name}[{k}]", records=records) for k, one in enumerate(value)
+            )
     elif records and is_class and issubclass(origin, dict):
         if isinstance(value, dict):
             # A subclass names the type of its values.
-            each = (inner or get_args(origin.__orig_bases__[0]))[-1]
-            values = {key: item(one, each, _inside(name, key)) for key, one in value.items()}
-            return _made(origin, values, name, error)
+            kinds = dict.fromkeys(value, (inner or get_args(origin.__orig_bases__[0]))[-1])
+            return _made(origin, value, kinds, name)
     elif records and dataclasses.is_dataclass(kind):
         if isinstance(value, dict):
-            return _record(value, kind, name, error)
+            return _record(value, kind, name)
     elif origin in (dict, Mapping):
         if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
             return value
     elif not is_class or isinstance(value, origin):  # nothing is known of what is no class
         return value
     kind = dict if records and dataclasses.is_dataclass(kind) else kind
-    raise error(f"{name or 'the content'} must be {words(kind)}, got {shown(value)}")
+    raise WrongTypeError(f"{name or 'the content'} must be {words(kind)}, got {shown(value)}")
 
 
-def _one_of(
-    value: Any, kinds: Sequence[Any], name: str, error: type[ValueError], records: bool
-) -> Any:
+def _one_of(value: Any, kinds: Sequence[Any], name: str, records: bool) -> Any:
     """A value as one of several types; None needs no words where it is one of them."""
     some = [kind for kind in kinds if kind is not types.NoneType]
     if value is None and len(some) < len(kinds):
         return None
     if len(some) == 1:
-        return typed(value, some[0], name, error, records=records)
+        return typed(value, some[0], name, records=records)
     for kind in some:
         with contextlib.suppress(WrongTypeError):
             return typed(value, kind, name, records=records)
-    raise error(f"{name} must be {' or '.join(map(words, some))}, got {shown(value)}")
+    raise WrongTypeError(f"{name} must be {' or '.join(map(words, some))}, got {shown(value)}")
 
 
-def _record(content: dict[str, Any], kind: Any, name: str, error: type[ValueError]) -> Any:
+def _record(content: dict[str, Any], kind: Any, name: str) -> Any:
     """The dataclass of a dict, which has every field without a default, and no other key."""
     fields = {f.name: f for f in dataclasses.fields(kind)}
     for key in content:
         if key not in fields:
             known = ", ".join(fields)
-            raise error(f"{_inside(name, key)} is not known; expected {known}")
+            raise WrongTypeError(f"{_inside(name, key)} is not known; expected {known}")
     for key, f in fields.items():
         if key not in content and f.default is f.default_factory is dataclasses.MISSING:
-            raise error(f"{_inside(name, key)} is missing")
+            raise WrongTypeError(f"{_inside(name, key)} is missing")
+    return _made(kind, content, _types(kind), name)
+
+
+def _made(kind: Any, content: dict[str, Any], kinds: Mapping[str, Any], name: str) -> Any:
+    """A record, which may refuse its values."""
     values = {
-        key: typed(value, _types(kind)[key], _inside(name, key), error, records=True)
+        key: typed(value, kinds[key], _inside(name, key), records=True)
         for key, value in content.items()
     }
-    return _made(kind, values, name, error)
-
-
-def _made(kind: Any, values: dict[str, Any], name: str, error: type[ValueError]) -> Any:
-    """A record that may refuse its values."""
     try:
         return kind(**values)
     except (TypeError, ValueError) as wrong:  # TypeError: a key such as "self"
-        raise error(f"{name}: {wrong}" if name else str(wrong)) from None
+        raise WrongTypeError(f"{name}: {wrong}" if name else str(wrong)) from None
 
 
 def _inside(name: str, key: str) -> str:

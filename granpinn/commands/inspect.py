@@ -21,7 +21,6 @@ from granpinn.commands.shared.cli import Command
 from granpinn.commands.shared.flow_files import require_flow_files, training_of
 from granpinn.commands.shared.parser import Parser, program
 from granpinn.config import ConfigError, SideWalls, settings_of
-from granpinn.config.fields import flag_of
 from granpinn.data import read_flow
 from granpinn.data.steady import said
 from granpinn.inspection import AssumedLaw, inspect
@@ -71,8 +70,6 @@ def run(argv: Sequence[str]) -> int:
     given = vars(parser().parse_args(argv))
     paths, out, as_json = (given.pop(name) for name in ("data", "out", "json"))
     walls = {name: given.pop(flag) for name, flag in WALLS.items() if flag in given}
-    for name, value in walls.items():
-        settings_of(SideWalls)[name].check(value, flag_of(WALLS[name]))
     try:
         law = AssumedLaw(**given)
     except ValueError as error:

@@ -45,7 +45,6 @@ def run(argv: Sequence[str]) -> int:
     from granpinn.identification.identified import load  # torch is slow to import
 
     folder, time = given["folder"], given.get("time")
-    SETTINGS["time"].check(time, "--time")
     with owned(folder if folder.is_dir() else None):
         print(load(folder).report(time=time))
     return 0

@@ -15,7 +15,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from granpinn.declared import shown, typed
+from granpinn.declared import WrongTypeError, shown, typed
 from granpinn.errors import BadInput
 
 C = TypeVar("C")
@@ -63,7 +63,12 @@ class Setting:
             ConfigError: it has another type, or is outside of the choices or the range.
         """
         _, optional = without_none(self.kind)
-        value = typed(None if optional and value == NONE else value, self.kind, name, ConfigError)
+        try:
+            value = typed(
+                None if optional and shown(value) == shown(NONE) else value, self.kind, name
+            )
+        except WrongTypeError as error:
+            raise ConfigError(error.for_commands) from None
         if isinstance(value, str) and not value:
             raise ConfigError(f"{name} must not be empty: leave it out, or give a value")
         if self.choices and value not in self.choices:
@@ -74,6 +79,14 @@ class Setting:
                 f"{name} must be {self.range_text}, got {as_text(value)}: --help explains it"
             )
         return value
+
+    def of_text(self, text: str | bool, name: str) -> Any:
+        """The value that a text of a command line stands for; a flag without a value is True.
+
+        Raises:
+            ConfigError: as `check`.
+        """
+        return self.check(_of_text(text, self.kind), name)
 
     def _holds(self, x: float) -> bool:
         return (TINY if self.positive else self.low) <= x <= self.high
@@ -178,22 +191,17 @@ def without_none(kind: Any) -> tuple[Any, bool]:
     return inner, True
 
 
-def convert(text: str | bool, kind: Any, name: str) -> Any:
-    """The value of type `kind` that `text` stands for; `name` is for the message of ConfigError.
-
-    A flag without a value comes as True, and stays so.
-    """
-    inner, optional = without_none(kind)
-    if optional and text == NONE:
-        return None
-    value: Any = text
-    if isinstance(text, str) and get_origin(inner) is tuple:
+def _of_text(text: str | bool, kind: Any) -> Any:
+    """What a text stands for; the text itself if it stands for nothing of the type."""
+    inner, _ = without_none(kind)
+    if isinstance(text, bool):
+        return text
+    if get_origin(inner) is tuple and text != NONE:
         item = get_args(inner)[0]
-        return tuple(convert(word, item, name) for word in text.strip("[]() ").split(","))
-    with contextlib.suppress(LookupError, ValueError, OverflowError):  # `typed` refuses the text
-        if isinstance(text, str) and inner in READERS:
-            value = READERS[inner](text)
-    return typed(value, inner, name, ConfigError)
+        return tuple(_of_text(word, item) for word in text.strip("[]() ").split(","))
+    with contextlib.suppress(LookupError, ValueError, OverflowError):
+        return READERS[inner](text)
+    return text
 
 
 def number(text: str) -> float:

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from granpinn.config.fields import NONE, Setting, as_text, convert, flag_of, most_like, without_none
+from granpinn.config.fields import NONE, Setting, as_text, flag_of, most_like, without_none
 from granpinn.errors import BadInput
 
 PACKAGE = Path(__file__).parents[2]
@@ -84,7 +84,7 @@ class Parser(argparse.ArgumentParser):
             self.error(f"unrecognized arguments: {' '.join(rest)}{self._meant(rest)}")
         for key, stated in self.settings.items():
             if key in found:
-                setattr(found, key, convert(getattr(found, key), stated.kind, flag_of(key)))
+                setattr(found, key, stated.of_text(getattr(found, key), flag_of(key)))
         return found
 
     def _joined(self, words: Sequence[str]) -> list[str]:
