@@ -12,7 +12,7 @@ from granpinn.figures.style import Drawing, NothingToDraw, save
 from granpinn.output import make_folder
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES, after_start
-from granpinn.results.record import failure
+from granpinn.results.record import why_not_done
 
 if TYPE_CHECKING:
     from granpinn.identification.identified import Identification
@@ -74,6 +74,6 @@ def draw_all(
             save(drawing.figure, path)
             pictures.append(Picture(path, title, drawing.caption))
         except Exception as error:
-            missing[title] = failure(error)
+            missing[title] = why_not_done(error)
             path.unlink(missing_ok=True)
     return pictures, missing

@@ -12,7 +12,7 @@ from granpinn.fit.case import Case, Model
 from granpinn.fit.free_curve import with_free_band
 from granpinn.fit.prediction import Shear, shear_of, with_curve
 from granpinn.results import Fields, Result, write_fields, write_results
-from granpinn.results.record import Record, failure
+from granpinn.results.record import Record, why_not_done
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty.sensitivity import Assumption
 
@@ -59,7 +59,7 @@ class Context:
         try:
             record = work()
         except Exception as error:
-            self.keep(self.result.without(part, failure(error)))
+            self.keep(self.result.without(part, why_not_done(error)))
         else:
             self.keep(self.result.with_record(part, record))
 

@@ -23,7 +23,7 @@ from granpinn.identification.start import CHECKS, ERROR_BARS, prepare, start
 from granpinn.kernels.builds import choose_device
 from granpinn.output import owned
 from granpinn.physics.laws import LAWS
-from granpinn.results.record import NONE, PENDING, Check, failure
+from granpinn.results.record import NONE, PENDING, Check, why_not_done
 from granpinn.simulation.threads import beside_gpu, threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import History
@@ -194,7 +194,7 @@ def with_intervals(contexts: Sequence[Context], run: TrainingLoop) -> None:
     try:
         found = assumptions.trained(asked, run) if asked else {}
     except Exception as error:
-        why = failure(error)
+        why = why_not_done(error)
     for context in contexts:
         if not context.uncertain:
             continue

@@ -38,7 +38,7 @@ from granpinn.results.record import (
     Reason,
     Record,
     every,
-    failure,
+    why_not_done,
 )
 
 # Some frames are taken evenly from the whole flow: so many at most, and fewer of a large grid.
@@ -103,7 +103,7 @@ class Inspection:
             with np.errstate(all="ignore"):  # what is not finite decides nothing
                 record = check.make(self)
         except Exception as error:
-            self.not_done[check.name] = failure(error, FlowFileError)
+            self.not_done[check.name] = why_not_done(error, FlowFileError)
         else:
             self.records |= {} if record is None else {check.name: record}
 

@@ -128,7 +128,7 @@ class Check:
         return flag or self.name in config.checks.split(",")
 
 
-def failure(error: Exception, *fatal: type[Exception]) -> str:
+def why_not_done(error: Exception, *fatal: type[Exception]) -> str:
     """Why a part that follows the values of a run was not done, in one line.
 
     The values are on the disk before it. So any error of it, a bug included, is a sentence.

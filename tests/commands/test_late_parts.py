@@ -18,7 +18,7 @@ from granpinn.figures import album, page
 from granpinn.fit import case, prediction
 from granpinn.fit.context import ASSUMPTIONS, CURVE, FIELDS
 from granpinn.output import OutputError
-from granpinn.results.record import PENDING, failure
+from granpinn.results.record import PENDING, why_not_done
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars, sensitivity
 from tests.commands.late_parts import FILES, missing, raising, run
@@ -176,8 +176,8 @@ def test_a_member_of_a_batch_fails_alone(
 
 def test_a_disk_that_is_full_is_no_missing_part() -> None:
     with pytest.raises(OutputError, match="no room"):
-        failure(OutputError("no room"))
-    assert failure(KeyError("a bug")) == "KeyError: 'a bug'"
+        why_not_done(OutputError("no room"))
+    assert why_not_done(KeyError("a bug")) == "KeyError: 'a bug'"
 
 
 def test_a_figure_fails_alone(

@@ -18,7 +18,7 @@ from granpinn.identification.identify import identify
 from granpinn.identification.start import require_kept
 from granpinn.kernels.builds import wake
 from granpinn.output import owned
-from granpinn.results.record import failure
+from granpinn.results.record import why_not_done
 from granpinn.results.result import in_words
 from granpinn.terminal import say
 from granpinn.training import progress
@@ -67,7 +67,7 @@ def run(config: Config, verbose: bool = False, begin: float | None = None) -> in
             try:
                 page = str((result if place == folder else load(place)).report())
             except Exception as error:
-                why = failure(error)
+                why = why_not_done(error)
                 page = f"not done: {why}"
                 if place == folder:
                     results.write_results(result.without(REPORT, why), folder / "results.json")
