@@ -111,11 +111,6 @@ def setting(default: Any, help: str, **stated: Any) -> Any:
     return field(default=default, metadata={"help": help, **stated})
 
 
-def section(kind: type, *, free: bool = False) -> Any:
-    """A dataclass field that is a group of settings; `free` holds for all of them."""
-    return field(default_factory=kind, metadata={"free": free})
-
-
 def most_like(name: str, known: Iterable[str]) -> str | None:
     """The known name that is most like `name`, which may lack its section; None without one."""
     names = {key: key for key in known}
@@ -127,11 +122,11 @@ def most_like(name: str, known: Iterable[str]) -> str | None:
     return None
 
 
-def unknown(shown: str, name: str, known: Iterable[str]) -> str:
+def unknown(name: str, known: Iterable[str]) -> str:
     """The sentence about a setting that does not exist, with the nearest of the known names."""
     near = most_like(name, known)
     hint = f"did you mean {near}?" if near else "granpinn train --help lists them"
-    return f"unknown setting {shown}: {hint}"
+    return f"unknown setting {name}: {hint}"
 
 
 @functools.cache
@@ -153,8 +148,7 @@ def settings_of(cls: type) -> dict[str, Setting]:
     for f in dataclasses.fields(cls):
         if f.name in sections:
             for name, stated in settings_of(sections[f.name]).items():
-                free = stated.free or f.metadata["free"]
-                found[f"{f.name}.{name}"] = dataclasses.replace(stated, free=free, group=f.name)
+                found[f"{f.name}.{name}"] = dataclasses.replace(stated, group=f.name)
             continue
         kind = kinds[f.name]
         found[f.name] = Setting(kind, f.default, **f.metadata)

@@ -7,7 +7,7 @@ the `config.toml` that a run leaves.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import InitVar, dataclass, replace
+from dataclasses import InitVar, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from granpinn.config.fields import (
@@ -16,7 +16,6 @@ from granpinn.config.fields import (
     ConfigError,
     flag_of,
     flatten,
-    section,
     sections_of,
     setting,
     settings_of,
@@ -179,12 +178,12 @@ class Config:
         free=True,
     )
     resume: bool = setting(False, "continue the run in --out from its newest checkpoint", free=True)
-    network: Network = section(Network)
-    rheology: Rheology = section(Rheology)
-    side_walls: SideWalls = section(SideWalls)
-    weights: Weights = section(Weights)
-    batch: Batch = section(Batch)
-    optimizer: Optimizer = section(Optimizer)
+    network: Network = field(default_factory=Network)
+    rheology: Rheology = field(default_factory=Rheology)
+    side_walls: SideWalls = field(default_factory=SideWalls)
+    weights: Weights = field(default_factory=Weights)
+    batch: Batch = field(default_factory=Batch)
+    optimizer: Optimizer = field(default_factory=Optimizer)
     # The recipe of the Config that `dataclasses.replace` copies; replace passes it on.
     _copied: InitVar[str] = ""
 
@@ -235,7 +234,7 @@ def _resolve(given: Mapping[str, Any]) -> dict[str, Any]:
             )
     for key in single:
         if key not in known:
-            raise ConfigError(unknown(key, key, [*known, *sections]))
+            raise ConfigError(unknown(key, [*known, *sections]))
     flat |= single
     for key, stated in known.items():
         flat[key] = stated.check(flat[key], flag_of(key))

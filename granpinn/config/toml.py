@@ -22,18 +22,10 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path} does not exist: --config expects a TOML file") from None
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path} could not be read as TOML: {error}") from None
-    known = settings_of(Config)
-    values: dict[str, Any] = {}
-    for key, value in content.items():
-        if isinstance(value, dict):
-            values |= {f"{key}.{inner}": item for inner, item in value.items()}
-        else:
-            values[key] = value
+    known, values = settings_of(Config), flatten(content)
     for key, value in values.items():
         if key not in known:
-            raise ConfigError(
-                f"{path}, perhaps of another version, has the {unknown(key, key, known)}"
-            )
+            raise ConfigError(f"{path}, perhaps of another version, has the {unknown(key, known)}")
         values[key] = known[key].check(value, f"{path}: {key}")
     return values
 
