@@ -24,7 +24,7 @@ from granpinn.config import ConfigError, SideWalls, settings_of
 from granpinn.data import read_flow
 from granpinn.data.steady import said
 from granpinn.inspection import AssumedLaw, inspect
-from granpinn.output import owned, write_text
+from granpinn.output import make_folder, write_text
 from granpinn.terminal import shell_word
 from granpinn.uncertainty import expected
 
@@ -83,17 +83,16 @@ def run(argv: Sequence[str]) -> int:
         print("\n".join(expected.lines([read_flow(path) for path in paths])))
         print(f"next: {program('train')} {' '.join(map(shell_word, paths))} --one-law --out run")
         return 0
-    with owned(out):
-        flow = read_flow(paths[0])
-        found = inspect(flow, law, SideWalls(**walls))
-        numbers = json.dumps(found.numbers(), indent=2, allow_nan=False)
-        if out is not None:
-            from granpinn.figures.style import save  # matplotlib is slow to import
+    flow = read_flow(paths[0])
+    found = inspect(flow, law, SideWalls(**walls))
+    numbers = json.dumps(found.numbers(), indent=2, allow_nan=False)
+    if out is not None:
+        from granpinn.figures.style import save  # matplotlib is slow to import
 
-            write_text(out / "inspect.json", numbers + "\n")
-            for record in found.records.values():
-                for name, (_, draw) in record.figures().items():
-                    save(draw(found).figure, out / f"{name}.png")
+        write_text(make_folder(out) / "inspect.json", numbers + "\n")
+        for record in found.records.values():
+            for name, (_, draw) in record.figures().items():
+                save(draw(found).figure, out / f"{name}.png")
     if as_json:
         print(numbers)
         return 0
