@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from granpinn.figures import curves, maps
-from granpinn.figures.style import Drawing, NothingToDraw, save
-from granpinn.output import make_folder
+from granpinn.figures.style import Drawing, NothingToDraw, png
+from granpinn.output import make_folder, write_bytes
 from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES, after_start
 from granpinn.results.record import why_not_done
@@ -21,9 +21,10 @@ Figures = dict[str, tuple[str, Callable[["Identification", float | None], Drawin
 
 
 class Picture(NamedTuple):
-    """A figure that was drawn: its file, title and caption."""
+    """A figure that was drawn: the name of its file, its content, title and caption."""
 
-    path: Path
+    name: str
+    png: bytes
     title: str
     caption: str
 
@@ -70,9 +71,10 @@ def draw_all(
     for name, (title, draw) in figures.items():
         path = folder / f"{name}.png"
         try:
-            drawing = draw()
-            save(drawing.figure, path)
-            pictures.append(Picture(path, title, drawing.caption))
+            figure, caption = draw()
+            picture = Picture(name, png(figure), title, caption)
+            write_bytes(path, picture.png)
+            pictures.append(picture)
         except Exception as error:
             missing[title] = why_not_done(error)
             path.unlink(missing_ok=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,7 +62,7 @@ def render(
             for flow in result.flows
         ],
     )
-    return template("report.html", duration=duration, base64=encoded, percent=percent).render(
+    return template("report.html").render(
         r=result,
         flows=flows,
         law=law,
@@ -71,16 +71,17 @@ def render(
         reach=reach_of(result),
         off=None if curve is None or true is None else float(np.abs(true - curve.mu).max()),
         a=result.assessment,
-        answer=[picture for picture in pictures if picture.path.stem in ANSWER],
-        pictures=[picture for picture in pictures if picture.path.stem not in ANSWER],
+        answer=[picture for picture in pictures if picture.name in ANSWER],
+        pictures=[picture for picture in pictures if picture.name not in ANSWER],
         settings=settings,
     )
 
 
-def template(name: str, **filters: Callable[..., str]) -> jinja2.Template:
-    """A template of this folder with the filters `number`, `symbol` and others."""
+def template(name: str) -> jinja2.Template:
+    """A template of this folder with filters for numbers, symbols, sentences and pictures."""
     templates = environment(TEMPLATES, autoescape=True)
-    templates.filters |= {"number": number, "symbol": symbol, "reason": in_symbols, **filters}
+    templates.filters |= {"number": number, "percent": percent, "duration": duration}
+    templates.filters |= {"symbol": symbol, "reason": in_symbols, "base64": encoded}
     return templates.get_template(name)
 
 
@@ -100,7 +101,6 @@ def in_symbols(text: str) -> str:
     return text
 
 
-def encoded(content: Path | bytes) -> str:
-    """Bytes, or those of a file, in base64."""
-    known = content if isinstance(content, bytes) else content.read_bytes()
-    return base64.b64encode(known).decode("ascii")
+def encoded(content: bytes) -> str:
+    """Bytes in base64."""
+    return base64.b64encode(content).decode("ascii")
