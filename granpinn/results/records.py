@@ -133,7 +133,10 @@ class Curve:
     def at_ends(self, words: Callable[[int], str]) -> str:
         """`words` of the points at both ends of the range of I."""
         ends = [0, -1] if self.I[-1] > self.I[0] else [0]
-        return " to ".join(f"{words(k)} at I = {self.I[k]:.2g}" for k in ends)
+        said, places = [words(k) for k in ends], [f"{self.I[k]:.2g}" for k in ends]
+        if len({*said}) == 1:
+            return f"{said[0]} at I = {' to '.join(places)}"
+        return " to ".join(f"{mu} at I = {I}" for mu, I in zip(said, places, strict=True))
 
     @property
     def half_width(self) -> float | None:
