@@ -203,9 +203,10 @@ def _inside(name: str, key: str) -> str:
 
 
 def _number(value: Any) -> float | None:
-    number = isinstance(value, Real) and not isinstance(value, bool)
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
     with contextlib.suppress(OverflowError):  # a whole number beyond float64
-        return float(value) if number and not math.isnan(value) else None
+        return float(value)
     return None
 
 

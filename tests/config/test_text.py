@@ -104,7 +104,7 @@ BAD = {
     "value missing": ([*REQUIRED, "--steps"], "--steps"),
     "fraction of a step": ([*REQUIRED, "--steps", "1.5"], "whole number, got '1.5'"),
     "word for a number": ([*REQUIRED, "--I0", "x"], "--I0 must be a number, got 'x'"),
-    "nan": ([*REQUIRED, "--I0", "nan"], "--I0 must be a number"),
+    "nan": ([*REQUIRED, "--I0", "nan"], "--I0 must be positive and at most 1e+30, got nan"),
     "choice": ([*REQUIRED, "--level", "V3"], "--level must be one of V0, V1, V2, got 'V3'"),
     "widths words": ([*REQUIRED, "--network.widths", "a"], "whole number, got 'a'"),
     "endless": ([*REQUIRED, "--steps", "none"], "--max-time"),

@@ -89,7 +89,7 @@ WORDS = {
         "--mu-2 0.2": "mu_2 must be at least mu_s = 0.4, got 0.2",
         "--law coulomb --I0 0.3": "the law coulomb has the parameters mu_s, got I0",
         "--law sand": "law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, go",
-        "--d nan": "--d must be a number",
+        "--d nan": "--d must be in [1e-12, 1e+12], got nan",
         "--cells 100": "cells must be a multiple of 8",
         "--cells 32": "at least 4 cells wide",
         "--aspect 0.1": "must fit into the box",
