@@ -33,10 +33,9 @@ import torch
 from bench.memory import kilobytes
 from bench.studies import raw
 from bench.studies.cores import alone
-from granpinn import report
 from granpinn.config import Config
 from granpinn.data.schema import FORMAT_NAME, FORMAT_VERSION
-from granpinn.identification.single import identify
+from granpinn.identification.identify import identify
 from granpinn.training.progress import Progress
 
 SIZES = ((200, 128), (2000, 512))  # frames, and cells along each side of the grid
@@ -112,7 +111,7 @@ def trained(path: Path, words: list[str]) -> dict[str, Any]:
     with peak() as host_gb, tempfile.TemporaryDirectory() as folder:
         begin = time.monotonic()
         found = identify(path, config, run_dir=folder, progress=Progress())
-        report.build(Path(folder))
+        found.report()
         seconds = time.monotonic() - begin
         history = {name: np.asarray(found.history[name]) for name in ("step", "wall_s")}
     kept = history["step"] > config.optimizer.prefit * found.timing.steps

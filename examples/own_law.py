@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from torch import Tensor
 
 import granpinn
-from granpinn import laws, report
+from granpinn import laws
 from granpinn.config import Network
 from granpinn.simulation import demo_path
 from granpinn.training.progress import automatic
@@ -51,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> granpinn.Result:
     result = granpinn.identify(args.flow, config, law=LAW, run_dir=args.out, progress=automatic())
     print(result)
     if args.out is not None:
-        print(f"report: {report.build(args.out)}")
+        print(f"report: {result.report()}")
     return result
 
 

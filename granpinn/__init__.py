@@ -15,42 +15,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from granpinn import laws
-    from granpinn.config import Config
-    from granpinn.data import read_flow, write_flow
-    from granpinn.filming import film
-    from granpinn.identification.batch import identify_many
-    from granpinn.identification.identified import Identification, load
-    from granpinn.identification.one_law import one_law
-    from granpinn.identification.single import identify
-    from granpinn.importers import convert, flow, read
-    from granpinn.inspection import inspect
-    from granpinn.results import Result
-    from granpinn.simulation import simulate
+    from granpinn import laws as laws
+    from granpinn.config import Config as Config
+    from granpinn.data import read_flow as read_flow
+    from granpinn.data import write_flow as write_flow
+    from granpinn.filming import film as film
+    from granpinn.identification.identified import Identification as Identification
+    from granpinn.identification.identified import load as load
+    from granpinn.identification.identify import identify as identify
+    from granpinn.identification.identify import identify_many as identify_many
+    from granpinn.identification.one_law import one_law as one_law
+    from granpinn.importers import convert as convert
+    from granpinn.importers import flow as flow
+    from granpinn.importers import read as read
+    from granpinn.inspection import inspect as inspect
+    from granpinn.results import Result as Result
+    from granpinn.simulation import simulate as simulate
 
 # `python -m granpinn.VERB` finds the commands there. An editable installation has several paths.
 __path__.append(str(Path(__file__).with_name("commands")))
 __version__ = "0.2.0"
-__all__ = [
-    "Config",
-    "Identification",
-    "Result",
-    "__version__",
-    "convert",
-    "film",
-    "flow",
-    "identify",
-    "identify_many",
-    "inspect",
-    "laws",
-    "load",
-    "one_law",
-    "read",
-    "read_flow",
-    "simulate",
-    "write_flow",
-]
-
 _HOMES = {
     "Config": "granpinn.config",
     "Identification": "granpinn.identification.identified",
@@ -58,8 +42,8 @@ _HOMES = {
     "convert": "granpinn.importers",
     "film": "granpinn.filming",
     "flow": "granpinn.importers",
-    "identify": "granpinn.identification.single",
-    "identify_many": "granpinn.identification.batch",
+    "identify": "granpinn.identification.identify",
+    "identify_many": "granpinn.identification.identify",
     "inspect": "granpinn.inspection",
     "load": "granpinn.identification.identified",
     "one_law": "granpinn.identification.one_law",
@@ -68,6 +52,8 @@ _HOMES = {
     "simulate": "granpinn.simulation",
     "write_flow": "granpinn.data",
 }
+
+__all__ = sorted((*_HOMES, "laws", "__version__"))
 
 
 def __getattr__(name: str) -> Any:

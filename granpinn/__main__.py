@@ -2,6 +2,6 @@
 
 import sys
 
-from granpinn.command.cli import main
+from granpinn.commands.shared.cli import main
 
 sys.exit(main())

@@ -1,18 +1,31 @@
-"""Values against their declared types: arguments of public functions, and fields of records.
+"""Values against their declared types: arguments, fields of records, settings and JSON.
 
 A wrong type ends in one sentence where it is given, before anything is computed with it.
 """
 
 from __future__ import annotations
 
-import collections.abc
+import contextlib
 import dataclasses
 import functools
 import inspect
+import json
+import math
 import os
 import types
-from collections.abc import Callable, Sequence
-from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Integral, Real
+from typing import (
+    Any,
+    Literal,
+    NoReturn,
+    ParamSpec,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 import numpy.typing as npt
@@ -23,13 +36,22 @@ from granpinn.errors import BadInput
 LONGEST = 200  # characters of a value in a message
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
-NUMBERS = {
-    float: (int, float, np.integer, np.floating),
-    int: (int, np.integer),
-    bool: (bool, np.bool_),
+WORDS = {
+    float: "a number",
+    int: "a whole number",
+    bool: "true or false",
+    str: "text",
+    dict: "a dict with names as keys",
+    Mapping: "a dict with names as keys",
+    types.NoneType: "None",
+    np.ndarray: "a NumPy array",
+    Callable: "a function",
+    os.PathLike: "a path",
 }
-WORDS = {float: "a number", int: "a whole number", bool: "True or False", str: "text"}
+SHOWN = (types.NoneType, bool, int, float, str, list, tuple, dict)  # by value, others by type
+ORDERED = (tuple, list, Sequence)
 REMEDIES = {
     "ndarray": "numpy.asarray makes one, of a torch tensor after .detach().cpu()",
     "Sequence": "put a single one in a list",
@@ -53,7 +75,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         given = _signature(function).bind(*args, **kwargs).arguments
         for name, kind in _types(function).items():
             if name in given and name not in ("return", *_collected(function)):
-                require(given[name], kind, name, owner)
+                _require(given[name], kind, name, owner, BadInput)
         return function(*args, **kwargs)
 
     return call
@@ -68,97 +90,213 @@ def require_fields(record: Any, error: type[BadInput] = BadInput) -> None:
         error: the sentence about the first such field.
     """
     owner: Any = type(record)
-    for name, kind in _types(owner).items():
-        if name not in _fields(owner):
-            continue
-        value, title = getattr(record, name), f"{owner.__name__}.{name}"
+    for f in dataclasses.fields(owner):
+        value, title = getattr(record, f.name), f"{owner.__name__}.{f.name}"
         if np.ma.isMaskedArray(value):
             value = plain_array(value, title, error)
-            object.__setattr__(record, name, value)
-        require(value, kind, title, owner.__name__, error)
+            object.__setattr__(record, f.name, value)
+        _require(value, _types(owner)[f.name], title, owner.__name__, error)
 
 
-def require(value: Any, kind: Any, name: str, owner: str, error: type[BadInput] = BadInput) -> None:
-    """Refuse a value of another type.
+def _require(value: Any, kind: Any, name: str, owner: str, error: type[BadInput]) -> None:
+    """Refuse a value of another type; the help of `owner` explains it."""
+    try:
+        typed(value, kind, name)
+    except WrongTypeError as wrong:
+        whole = str(wrong).startswith(f"{name} ")  # not an item of it
+        names = [(get_origin(part) or part).__name__ for part in _parts(kind) if whole]
+        advice = next((REMEDIES[k] for k in names if k in REMEDIES), f"help({owner}) explains it")
+        raise error(f"{wrong}: {advice}") from None
+
+
+class WrongTypeError(BadInput):
+    """A value has another type than its place declares."""
+
+
+def typed(value: Any, kind: Any, name: str, *, records: bool = False) -> Any:
+    """A value as its declared type: a list becomes a tuple, a whole number a float.
 
     Args:
-        name: of the value, for the message.
-        owner: the function or class whose help explains the value.
+        name: of the value, for the message; "": it has none.
+        records: whether a dict stands for a dataclass or a dict of them, as in JSON.
+
+    Raises:
+        WrongTypeError: the message is one sentence that names the place.
     """
-    if fits(value, kind):
-        return
-    found = "None" if value is None else type(value).__name__
-    if isinstance(value, str | bool | int | float):
-        found += f" {str(value)[:40]!r}" if isinstance(value, str) else f" {value}"
-    names = [(get_origin(part) or part).__name__ for part in _parts(kind)]
-    advice = next((REMEDIES[k] for k in names if k in REMEDIES), f"help({owner}) explains it")
-    raise error(f"{name} must be {words(kind)}, got {found}: {advice}")
+    origin, inner = get_origin(kind) or kind, get_args(kind)
+    is_class = isinstance(origin, type)
+
+    if kind is Any or kind == npt.ArrayLike:
+        return value
+    if len(parts := _parts(kind)) > 1:
+        return _one_of(value, parts, name, records)
+    if kind in NUMBERS:
+        if (number := NUMBERS[kind](value)) is not None:
+            return number
+    elif origin is Literal:
+        if isinstance(value, str) and value in inner:
+            return value
+    elif origin in ORDERED:
+        if _ordered(value):
+            if origin is tuple and inner[-1] is not ... and len(value) != len(inner):
+                raise WrongTypeError(f"{name} must be a list of {len(inner)}, got {shown(value)}")
+            return tuple(
+                typed(one, inner[0], f"{name}[{k}]", records=records) for k, one in enumerate(value)
+            )
+    elif records and is_class and issubclass(origin, dict):
+        if isinstance(value, dict):
+            # A subclass names the type of its values.
+            kinds = dict.fromkeys(value, (inner or get_args(origin.__orig_bases__[0]))[-1])
+            return _made(origin, value, kinds, name)
+    elif records and dataclasses.is_dataclass(kind):
+        if isinstance(value, dict):
+            return _record(value, kind, name)
+    elif origin in (dict, Mapping):
+        if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
+            return value
+    elif not is_class or isinstance(value, origin):  # nothing is known of what is no class
+        return value
+    kind = dict if records and dataclasses.is_dataclass(kind) else kind
+    raise WrongTypeError(f"{name or 'the content'} must be {words(kind)}, got {shown(value)}")
+
+
+def _one_of(value: Any, kinds: Sequence[Any], name: str, records: bool) -> Any:
+    """A value as one of several types; None needs no words where it is one of them."""
+    some = [kind for kind in kinds if kind is not types.NoneType]
+    if value is None and len(some) < len(kinds):
+        return None
+    if len(some) == 1:
+        return typed(value, some[0], name, records=records)
+    for kind in some:
+        with contextlib.suppress(WrongTypeError):
+            return typed(value, kind, name, records=records)
+    raise WrongTypeError(f"{name} must be {' or '.join(map(words, some))}, got {shown(value)}")
+
+
+def _record(content: dict[str, Any], kind: Any, name: str) -> Any:
+    """The dataclass of a dict, which has every field without a default, and no other key."""
+    fields = {f.name: f for f in dataclasses.fields(kind)}
+    for key in content:
+        if key not in fields:
+            known = ", ".join(fields)
+            raise WrongTypeError(f"{_inside(name, key)} is not known; expected {known}")
+    for key, f in fields.items():
+        if key not in content and f.default is f.default_factory is dataclasses.MISSING:
+            raise WrongTypeError(f"{_inside(name, key)} is missing")
+    return _made(kind, content, _types(kind), name)
+
+
+def _made(kind: Any, content: dict[str, Any], kinds: Mapping[str, Any], name: str) -> Any:
+    """A record, which may refuse its values."""
+    values = {
+        key: typed(value, kinds[key], _inside(name, key), records=True)
+        for key, value in content.items()
+    }
+    try:
+        return kind(**values)
+    except (TypeError, ValueError) as wrong:  # TypeError: a key such as "self"
+        raise WrongTypeError(f"{name}: {wrong}" if name else str(wrong)) from None
+
+
+def _inside(name: str, key: str) -> str:
+    return f"{name}.{key}" if name else key
+
+
+def _number(value: Any) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
+    with contextlib.suppress(OverflowError):  # a whole number beyond float64
+        return float(value)
+    return None
+
+
+def _whole(value: Any) -> int | None:
+    return None if isinstance(value, bool) or not isinstance(value, Integral) else int(value)
+
+
+def _truth(value: Any) -> bool | None:
+    return bool(value) if isinstance(value, bool | np.bool_) else None
+
+
+NUMBERS: dict[Any, Callable[[Any], Any]] = {float: _number, int: _whole, bool: _truth}
+
+
+def _ordered(value: Any) -> bool:
+    text = isinstance(value, str | bytes | bytearray)
+    array = isinstance(value, np.ndarray) and value.ndim == 1
+    return array or (isinstance(value, Sequence) and not text)
 
 
 def shown(value: Any) -> str:
-    """A value on one line."""
+    """A value on one line, or its type if it is none of Python."""
+    if not isinstance(value, SHOWN):
+        return type(value).__name__
     text = " ".join(repr(value).split())
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
-def fits(value: Any, kind: Any) -> bool:
-    """Whether a value is of a declared type; lengths, and types that are no class, do not count."""
-    origin, inner = get_origin(kind), get_args(kind)
-    if kind is Any or kind == npt.ArrayLike:
-        return True
-    if origin in (Union, types.UnionType):
-        return any(fits(value, part) for part in inner)
-    if kind in (None, types.NoneType):
-        return value is None
-    if kind in NUMBERS:
-        return isinstance(value, NUMBERS[kind]) and (kind is bool or not isinstance(value, bool))
-    if origin is Literal:
-        return isinstance(value, str) and value in inner
-    if origin in (tuple, list, collections.abc.Sequence):
-        ordered = isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.ndim == 1)
-        text = isinstance(value, str | bytes | bytearray)
-        return ordered and not text and all(fits(item, inner[0]) for item in value)
-    if origin in (dict, collections.abc.Mapping):
-        return isinstance(value, collections.abc.Mapping) and all(fits(k, inner[0]) for k in value)
-    if origin is collections.abc.Callable:
-        return callable(value)
-    kind = origin or kind
-    return not isinstance(kind, type) or isinstance(value, kind)
-
-
 def words(kind: Any) -> str:
     """A declared type in words."""
-    if kind == npt.ArrayLike:
-        return "an array"
-    return " or ".join(dict.fromkeys(_word(part) for part in _parts(kind)))
-
-
-def _word(kind: Any) -> str:
-    origin, inner = get_origin(kind), get_args(kind)
+    origin, inner = get_origin(kind) or kind, get_args(kind)
     if origin is Literal:
-        return ", ".join(map(repr, inner))
-    if origin in (tuple, list, collections.abc.Sequence):
-        return f"a sequence, each item {words(inner[0])}"
-    named = {
-        types.NoneType: "None",
-        np.ndarray: "a NumPy array",
-        dict: "a dict with names as keys",
-        collections.abc.Mapping: "a dict with names as keys",
-        collections.abc.Callable: "a function",
-        os.PathLike: "a path",
-    }
-    return WORDS.get(kind) or named.get(origin or kind) or f"a {(origin or kind).__name__}"
+        return f"one of {', '.join(inner)}"
+    if origin in ORDERED:
+        return f"a list, each item {words(inner[0])}"
+    if isinstance(origin, type) and issubclass(origin, dict):
+        return WORDS[dict]
+    return WORDS.get(origin) or f"a {origin.__name__}"
+
+
+def decoded(content: Any, kind: type[T], name: str = "") -> T:
+    """A record from the content of JSON; errors as of `typed`."""
+    record: T = typed(content, kind, name, records=True)
+    return record
+
+
+def parsed(text: str | bytes) -> Any:
+    """The content of strict JSON; ValueError for any other text."""
+    try:
+        return json.loads(text, parse_constant=_refuse, parse_float=_finite)
+    except RecursionError as error:
+        raise ValueError(str(error)) from None
+
+
+def _refuse(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not a JSON number, expected null")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    return number if math.isfinite(number) else _refuse(text)
+
+
+def plain(value: Any) -> Any:
+    """JSON values alone of records, paths, and scalars and arrays of NumPy and torch.
+
+    A number that is not finite becomes None.
+    """
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, os.PathLike):
+        return plain(os.fspath(value))
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, str):  # a file name may hold bytes that are not UTF-8; JSON cannot
+        return value.encode(errors="backslashreplace").decode()
+    if value is None or isinstance(value, (bool, int)):
+        return value
+    raise TypeError(f"JSON holds plain values only, got {type(value).__name__}: {value!r}")
 
 
 def _parts(kind: Any) -> tuple[Any, ...]:
     """The types of a union, or the one type."""
-    union = get_origin(kind) in (Union, types.UnionType)
-    return tuple(get_args(kind)) if union else (kind,)
-
-
-@functools.cache
-def _fields(owner: type) -> frozenset[str]:
-    return frozenset(f.name for f in dataclasses.fields(owner))
+    return tuple(get_args(kind)) if get_origin(kind) in (Union, types.UnionType) else (kind,)
 
 
 @functools.cache

@@ -1,7 +1,7 @@
 """The errors that end a command, by what the user can do about them.
 
 Every error class of granpinn derives from one of these, so a new error needs no further entry: its
-base class fixes the exit code of all commands (`granpinn.command.exit_codes`).
+base class fixes the exit code of all commands (`granpinn.commands.shared.exit_codes`).
 """
 
 from __future__ import annotations
@@ -33,6 +33,10 @@ class Sentence(Exception):
     def for_commands(self) -> str:
         """The message with flags."""
         return super().__str__()
+
+
+class FlowFileWarning(UserWarning):
+    """A flow can be used, but something in it is likely to be wrong; a command prints one line."""
 
 
 class BadInput(Sentence, ValueError):

@@ -21,11 +21,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granpinn.arrays import plain_array
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.physics.laws import LAWS, FrictionLaw, LawParameter
-from granpinn.physics.laws.law import Values
+from granpinn.physics.laws.law import Values, together
 
 Friction = Callable[[Tensor, Sequence[Tensor]], Tensor]
 
@@ -132,16 +131,14 @@ def _friction(mu: Friction, I: Values, *theta: Values) -> Values:
 
 
 def _slope(mu: Friction, I: Values, *theta: Values) -> Values:
-    """I dmu/dI, with a graph where gradients are on."""
-    keep = torch.is_grad_enabled()
+    """I dmu/dI, without a graph."""
 
     def slope(at: Tensor, values: tuple[Tensor, ...]) -> Tensor:
-        at = _spread(at, at, values)
         with torch.enable_grad():
-            i = at if at.requires_grad else at.detach().requires_grad_()
+            i = _spread(at, at, values).detach().requires_grad_()
             value = _spread(mu(i, values), i, values) + 0 * i  # a friction may be without I
-            (derivative,) = torch.autograd.grad(value.sum(), i, create_graph=keep)
-        return at * derivative
+            (derivative,) = torch.autograd.grad(value.sum(), i)
+        return i.detach() * derivative
 
     return _in_torch(slope, I, theta)
 
@@ -157,13 +154,11 @@ def _in_torch(
     theta: tuple[Values, ...],
 ) -> Values:
     """`work` on tensors; numbers and NumPy arrays become tensors, and its result a NumPy array."""
-    tensors = [value for value in (I, *theta) if isinstance(value, Tensor)]
-    if tensors:
-        at, *values = (torch.as_tensor(value).to(tensors[0]) for value in (I, *theta))
+    library, at, *values = together(I, *theta)
+    if library is torch:
         return work(at, tuple(values))
     with torch.no_grad():
-        plain = [plain_array(v, "a value").astype(np.float64) for v in (I, *theta)]
-        at, *values = map(torch.as_tensor, plain)
+        at, *values = map(torch.as_tensor, (at, *values))
         return work(at, tuple(values)).numpy()
 
 
@@ -199,7 +194,7 @@ def _try(law: Law, mu: Friction) -> None:
     try:
         found = mu(I, theta)
         value = law.friction(I, *theta)
-        slopes = [law.slope(I, *theta).detach()]
+        slopes = [law.slope(I, *theta)]
         slopes += torch.autograd.grad(value.sum(), (I, *theta), materialize_grads=True)
     except Exception as error:  # code of a user: any error is a reason
         reason = " ".join(str(error).split())

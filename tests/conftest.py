@@ -59,7 +59,7 @@ def device(request: pytest.FixtureRequest) -> torch.device:
 @pytest.fixture
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Training without the page: its figures have their own tests and take seconds."""
-    from tests.command.pageless import stand_ins  # it loads the command
+    from tests.commands.pageless import stand_ins  # it loads the command
 
     for owner, name, value in stand_ins():
         monkeypatch.setattr(owner, name, value)

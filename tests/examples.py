@@ -30,8 +30,7 @@ from granpinn.results import (
     Timing,
 )
 from granpinn.results.fields import Units
-from granpinn.results.identified_law import Curve, IdentifiedLaw, StressPoints
-from granpinn.results.records import ErrorBars, Members
+from granpinn.results.records import Curve, ErrorBars, IdentifiedLaw, Members, StressPoints
 
 PARAMETERS = Parameters(
     mu_s=Parameter(0.41, fixed=False, std=0.012, interval_90=(0.39, 0.43)),

@@ -33,7 +33,7 @@ def test_unknown_name_is_refused_with_the_known_ones() -> None:
     [
         ("import granpinn", ("torch", "granpinn._C")),
         (
-            "import granpinn.command.training_run, granpinn.commands.inspect",
+            "import granpinn.commands.shared.training_run, granpinn.commands.inspect",
             ("scipy.signal",),  # which few flows need
         ),
         (

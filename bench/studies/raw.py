@@ -11,8 +11,7 @@ from typing import Any
 
 from bench.machine import describe
 from granpinn.config import Config, ConfigError, fields
-from granpinn.config.values import convert
-from granpinn.results import plain
+from granpinn.declared import plain
 
 
 def parse(
@@ -44,7 +43,7 @@ def settings_of(words: Sequence[str]) -> dict[str, Any]:
     for flag, text in zip(padded[::2], padded[1::2], strict=True):
         if flag not in known or not text:
             raise ConfigError(f"{flag} must be a setting of granpinn.train and have a value")
-        values[known[flag]] = convert(text, stated[known[flag]].kind, flag)
+        values[known[flag]] = stated[known[flag]].of_text(text, flag)
     return values
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from granpinn.declared import plain
 from granpinn.inspection.momentum_balance import Baseline
 from granpinn.results import Result
-from granpinn.results.decoding import encode
 
 
 def records_of(result: Result) -> dict[str, Any]:
@@ -14,9 +14,9 @@ def records_of(result: Result) -> dict[str, Any]:
     balance = result.checks.get("momentum_balance")
     return {
         "level": result.level,
-        "data": encode(result.data),
-        "members": None if result.members is None else encode(result.members.values),
-        "residuals": encode(result.residuals),
+        "data": plain(result.data),
+        "members": None if result.members is None else plain(result.members.values),
+        "residuals": plain(result.residuals),
         "I_range": result.law.I_range,
         "measured_noise": result.data.measured_noise,
         "independent": result.data.independent,

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 from unittest import mock
 
-from granpinn.command.cli import VERBS
+from granpinn.commands.shared.cli import VERBS
 
 WIDTH = 100  # characters of a line of help
 

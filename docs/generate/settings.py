@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
-from granpinn.config import Config, flatten
-from granpinn.config.recipes import RECIPES
+from granpinn.config import RECIPES, Config, flatten
+from granpinn.config.fields import as_text
 
 
 def reference() -> str:
@@ -56,6 +56,4 @@ def recipes() -> Iterator[str]:
 
 def value(given: Any) -> str:
     """A value as on the command line."""
-    if given is None:
-        return "none"
-    return f"`{','.join(map(str, given)) if isinstance(given, tuple) else given}`"
+    return "none" if given is None else f"`{as_text(given)}`"

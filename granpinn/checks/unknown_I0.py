@@ -31,7 +31,6 @@ from granpinn.errors import CannotGoOn
 from granpinn.fit.context import Context
 from granpinn.fit.free_curve import LEAST
 from granpinn.physics.laws import DEFAULT
-from granpinn.physics.rheology import by_parameters
 from granpinn.results import Parameter, Parameters, Result
 from granpinn.results.parameters import NOT_DETERMINED
 from granpinn.results.record import Check, Record
@@ -114,7 +113,7 @@ def law_points(run: TrainingLoop, place: int, I_range: Pair) -> LawPoints | None
         return None
     I, values = np.geomspace(*I_range, 3), theta.double().cpu().numpy()
     mu = law.friction(I, *values)
-    slopes = by_parameters(law, I, values) / mu[:, None]
+    slopes = law.by_parameters(I, values) / mu[:, None]
     C = SCATTER**2 * slopes @ known.covariance @ slopes.T + LEAST**2 * np.eye(len(I))
     return LawPoints(tuple(I.tolist()), tuple(np.log(mu).tolist()), tuple(map(tuple, C.tolist())))
 

@@ -6,7 +6,7 @@ The script is made from the parsers of all verbs. Completion itself starts no Py
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("completion")
 
@@ -15,8 +15,8 @@ from collections.abc import Sequence
 
 import shtab
 
-from granpinn.command.cli import VERBS, Command, command
-from granpinn.command.parser import Parser
+from granpinn.commands.shared.cli import VERBS, Command, command
+from granpinn.commands.shared.parser import Parser
 
 SHELLS = ("bash", "zsh", "fish")
 EXAMPLES = """put this line into ~/.bashrc, or the same with zsh into ~/.zshrc:
@@ -42,7 +42,6 @@ def script(shell: str, parsers: dict[str, Parser]) -> str:
     program = argparse.ArgumentParser("granpinn")
     verbs = program.add_subparsers()
     for verb, made in parsers.items():
-        made.show_all()
         for action in made._actions:
             stated = made.settings.get(action.dest)
             if stated is not None and stated.choices:

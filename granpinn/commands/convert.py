@@ -9,16 +9,15 @@ the settings as a record.
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("convert")
 
 from collections.abc import Sequence
 
-from granpinn.command import flow_warnings
-from granpinn.command.cli import Command
-from granpinn.command.conversion import add_arguments, parse, write
-from granpinn.command.parser import Parser
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.flow_files import add_arguments, parse, write
+from granpinn.commands.shared.parser import Parser
 from granpinn.config import settings_of
 from granpinn.importers import Settings, convert
 from granpinn.importers.formats import FORMATS
@@ -55,8 +54,7 @@ def parser() -> Parser:
 def run(argv: Sequence[str]) -> int:
     sources, out, given = parse(parser(), argv)
     settings = Settings(**given)
-    with flow_warnings.in_one_line():
-        write(convert(sources, settings, report=print), out, settings.force)
+    write(convert(sources, settings, report=print), out, settings.force)
     return 0
 
 

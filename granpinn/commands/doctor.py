@@ -7,7 +7,7 @@ reported like every other result. Exit code 0 if the kernels work, 1 otherwise, 
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("doctor")
 
@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import granpinn
-from granpinn.command.cli import Command
-from granpinn.command.parser import Parser
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.parser import Parser
 
 Section = dict[str, Any]
 

@@ -9,15 +9,15 @@ cannot be written.
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("export")
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from granpinn.command.cli import Command
-from granpinn.command.parser import Parser
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.parser import Parser
 from granpinn.results import read_results
 from granpinn.results.export import FORMATS
 

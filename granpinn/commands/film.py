@@ -6,16 +6,15 @@ Exit codes: 0 done; 2 bad or impossible input, without --force; 1 the flow file 
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("film")
 
 from collections.abc import Sequence
 
-from granpinn.command import flow_warnings
-from granpinn.command.cli import Command
-from granpinn.command.conversion import add_arguments, parse, write
-from granpinn.command.parser import Parser
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.flow_files import add_arguments, parse, write
+from granpinn.commands.shared.parser import Parser
 from granpinn.filming import SETTINGS, film
 
 EXAMPLES = """examples:
@@ -41,10 +40,9 @@ def parser() -> Parser:
 def run(argv: Sequence[str]) -> int:
     sources, out, given = parse(parser(), argv)
     page = out.with_suffix(".html")
-    with flow_warnings.in_one_line():
-        flow = film(sources, page=page, report=print, **given)
-        print(f"pictures of every stage: {page}")
-        write(flow, out, given.get("force", False))
+    flow = film(sources, page=page, report=print, **given)
+    print(f"pictures of every stage: {page}")
+    write(flow, out, given.get("force", False))
     return 0
 
 

@@ -8,7 +8,7 @@ In Python, `granpinn.inspect(flow)` gives the same numbers.
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("inspect")
 
@@ -17,16 +17,15 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from granpinn.command.cli import Command
-from granpinn.command.next_step import refusal, training_of
-from granpinn.command.parser import Parser, program
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.flow_files import require_flow_files, training_of
+from granpinn.commands.shared.parser import Parser, program
 from granpinn.config import ConfigError, SideWalls, settings_of
-from granpinn.config.fields import flag_of
 from granpinn.data import read_flow
-from granpinn.data.flow_file import is_flow_file
 from granpinn.data.steady import said
-from granpinn.inspection import AssumedLaw, Inspection, inspect
-from granpinn.output import make_folder, objection_to_folder, write_text
+from granpinn.inspection import AssumedLaw, inspect
+from granpinn.output import make_folder, write_text
+from granpinn.terminal import shell_word
 from granpinn.uncertainty import expected
 
 EXAMPLES = """examples:
@@ -67,53 +66,33 @@ def parser() -> Parser:
     return made
 
 
-def parse(argv: Sequence[str]) -> tuple[list[Path], Path | None, bool, AssumedLaw, SideWalls]:
-    """Flow files, folder, whether to print JSON, law and side walls of a command line.
-
-    Raises:
-        ConfigError: the message is one sentence.
-    """
+def run(argv: Sequence[str]) -> int:
     given = vars(parser().parse_args(argv))
-    data, out, as_json = (given.pop(name) for name in ("data", "out", "json"))
+    paths, out, as_json = (given.pop(name) for name in ("data", "out", "json"))
     walls = {name: given.pop(flag) for name, flag in WALLS.items() if flag in given}
     try:
         law = AssumedLaw(**given)
     except ValueError as error:
         raise ConfigError(f"the friction law is impossible: {error}") from None
-    if out is not None and (objection := objection_to_folder(out)):
-        raise ConfigError(f"--out {objection}")
-    for name, value in walls.items():
-        settings_of(SideWalls)[name].check(value, flag_of(WALLS[name]))
-    _require_flow_file(data)
-    if len(data) > 1 and (as_json or out is not None):
+    require_flow_files(paths, "inspect")
+    if len(paths) > 1 and (as_json or out is not None):
         raise ConfigError(
-            f"expected one flow file with --json or --out, got {len(data)}: inspect one at a time"
+            f"expected one flow file with --json or --out, got {len(paths)}: inspect one at a time"
         )
-    return data, out, as_json, law, SideWalls(**walls)
-
-
-def _require_flow_file(paths: list[Path]) -> None:
-    """Raises an error for the files of an instrument, with the command that converts them."""
-    first = paths[0]
-    if not first.exists():
-        raise ConfigError(f"{first} does not exist: name a flow file")
-    if all(path.is_file() and is_flow_file(path) for path in paths):
-        return
-    raise refusal(paths, "inspect")
-
-
-def run(argv: Sequence[str]) -> int:
-    every, out, as_json, law, side_walls = parse(argv)
-    if len(every) > 1:
-        print("\n".join(expected.lines([read_flow(path) for path in every])))
-        print(f"next: {program('train')} {' '.join(map(str, every))} --one-law --out run")
+    if len(paths) > 1:
+        print("\n".join(expected.lines([read_flow(path) for path in paths])))
+        print(f"next: {program('train')} {' '.join(map(shell_word, paths))} --one-law --out run")
         return 0
-    data = every[0]
-    flow = read_flow(data)
-    found = inspect(flow, law, side_walls)
+    flow = read_flow(paths[0])
+    found = inspect(flow, law, SideWalls(**walls))
     numbers = json.dumps(found.numbers(), indent=2, allow_nan=False)
     if out is not None:
-        write(found, numbers, out)
+        from granpinn.figures.style import save  # matplotlib is slow to import
+
+        write_text(make_folder(out) / "inspect.json", numbers + "\n")
+        for record in found.records.values():
+            for name, (_, draw) in record.figures().items():
+                save(draw(found).figure, out / f"{name}.png")
     if as_json:
         print(numbers)
         return 0
@@ -129,19 +108,8 @@ def run(argv: Sequence[str]) -> int:
     if found.slips:
         print("next: mend the flow file, or convert again with the right calibration")
     else:
-        print(f"next: {training_of(flow, data)}")
+        print(f"next: {training_of(flow, paths[0])}")
     return 0
-
-
-def write(found: Inspection, numbers: str, folder: Path) -> None:
-    """Writes inspect.json and the figures to a folder, which is made if necessary."""
-    from granpinn.figures.style import save  # matplotlib is slow to import
-
-    make_folder(folder)
-    write_text(folder / "inspect.json", numbers + "\n")
-    for record in found.records.values():
-        for name, (_, draw) in record.figures().items():
-            save(draw(found).figure, folder / f"{name}.png")
 
 
 main = Command("inspect", parser, run)

@@ -8,18 +8,17 @@ network. The page lists what is missing.
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("report")
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from granpinn.command.cli import Command
-from granpinn.command.parser import Parser
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.parser import Parser
 from granpinn.config.fields import Setting
 from granpinn.output import owned
-from granpinn.report.page import build
 
 SETTINGS = {
     "time": Setting(
@@ -43,10 +42,11 @@ def parser() -> Parser:
 
 def run(argv: Sequence[str]) -> int:
     given = vars(parser().parse_args(argv))
+    from granpinn.identification.identified import load  # torch is slow to import
+
     folder, time = given["folder"], given.get("time")
-    SETTINGS["time"].check(time, "--time")
     with owned(folder if folder.is_dir() else None):
-        print(build(folder, time))
+        print(load(folder).report(time=time))
     return 0
 
 

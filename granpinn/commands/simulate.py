@@ -11,20 +11,17 @@ In Python, `granpinn.simulate(mu_s=0.4, mu_2=0.64)` is `granpinn.simulation.simu
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("simulate")
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from granpinn.command.cli import Command
-from granpinn.command.parser import Parser
-from granpinn.config import ConfigError, settings_of
-from granpinn.config.fields import Setting, flag_of
-from granpinn.output import objection_to_file
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.parser import Parser
+from granpinn.config import settings_of
+from granpinn.output import require_file
 from granpinn.simulation import Chute, Collapse, Scene, simulate
 from granpinn.simulation.run import lines
 
@@ -46,69 +43,28 @@ Ctrl-C stops and leaves a valid file with the frames so far, if there are two.""
 SCENES: dict[str, type[Scene]] = {"collapse": Collapse, "chute": Chute}
 
 
-def parser() -> Parser:
+def parser(scene: str = "collapse") -> Parser:
+    other = next(name for name in SCENES if name != scene)
     made = Parser(
         "simulate",
         "[collapse|chute] --out FLOW.h5 [settings]",
-        "Simulate a collapse or a chute of grains with a known friction law.",
+        f"Simulate grains with a known friction law. These are the settings of a {scene}; "
+        f"granpinn simulate {other} --help shows those of a {other}.",
         EXAMPLES,
     )
     made.add_argument(
-        "scene",
-        nargs="?",
-        default="collapse",
-        choices=tuple(SCENES),
-        metavar="SCENE",
-        help="collapse: a column that is released (the default); chute: a layer on a slope",
+        "--out", type=Path, metavar="FLOW.h5", required=True, help="the flow file to write"
     )
-    made.add_argument("--out", type=Path, metavar="FLOW.h5", help="the flow file to write")
-    made.add_settings(_settings())
+    made.add_settings(settings_of(SCENES[scene]))
     return made
 
 
-def _settings() -> dict[str, Setting]:
-    """The settings of all scenes; the help names the scenes where they differ."""
-    of_scenes: dict[str, dict[str, Setting]] = {}
-    for scene, kind in SCENES.items():
-        for name, stated in settings_of(kind).items():
-            of_scenes.setdefault(name, {})[scene] = stated
-    return {
-        name: next(iter(found.values()))
-        if len(found) == len(SCENES) and len({(s.help, s.default) for s in found.values()}) == 1
-        else dataclasses.replace(
-            next(iter(found.values())),
-            default=None,
-            help="; ".join(
-                f"{scene}: {s.help}" + ("" if s.default is None else f" (default {s.default})")
-                for scene, s in found.items()
-            ),
-        )
-        for name, found in of_scenes.items()
-    }
-
-
-def parse(argv: Sequence[str]) -> tuple[type[Scene], Path, dict[str, Any]]:
-    """The class of the scene, the flow file, and the settings of a command line."""
-    given = vars(parser().parse_args(argv))
-    name = given.pop("scene")
-    out: Path | None = given.pop("out", None)
-    for key in given:
-        if key not in settings_of(SCENES[name]):
-            other = next(scene for scene, kind in SCENES.items() if key in settings_of(kind))
-            raise ConfigError(
-                f"{flag_of(key)} is a setting of a {other}, and this is a {name}: leave it out, "
-                f"or begin with the word {other}"
-            )
-    if out is None:
-        raise ConfigError("--out, the flow file to write, is missing: give --out FLOW.h5")
-    if objection := objection_to_file(out):
-        raise ConfigError(f"--out {objection}")
-    return SCENES[name], out, given
-
-
 def run(argv: Sequence[str]) -> int:
-    kind, out, settings = parse(argv)
-    scene = kind(**settings)
+    named = bool(argv) and argv[0] in SCENES
+    name = argv[0] if named else "collapse"
+    given = vars(parser(name).parse_args(argv[1:] if named else argv))
+    out = require_file(given.pop("out"))
+    scene = SCENES[name](**given)
     t_end = scene.resolved().t_end
     assert t_end is not None
     simulate(scene, out=out, listener=lines(t_end))

@@ -3,9 +3,9 @@
 flow file -> noise -> training set -> identification -> results.json, fields.h5 -> checks -> report
 
 Whatever follows the first results.json fails alone: it becomes a sentence in `not_done` of
-results.json, in the terminal and on the page (granpinn/results/attempt.py).
+results.json, in the terminal and on the page.
 
-The work is in granpinn/command/training_run.py, which is loaded after the words of the command: so
+The work is in commands/shared/training_run.py, which is loaded after the words of the command: so
 `--help` and refusals are quick.
 
 Exit codes: 0 done, also without a check of the default, a figure or the page; 2 bad input; 1 the
@@ -16,18 +16,18 @@ SIGHUP, SIGINT, SIGTERM.
 from __future__ import annotations
 
 if __name__ == "__main__":
-    from granpinn.command import cli
+    from granpinn.commands.shared import cli
 
     cli.start("train")
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from granpinn.command import exit_codes
-from granpinn.command.cli import Command
-from granpinn.command.parser import Parser, program
+from granpinn.commands.shared import exit_codes
+from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.parser import Parser, program
 from granpinn.config import Config, ConfigError, settings_of
 from granpinn.config.fields import sections_of
 from granpinn.config.toml import read_toml
@@ -67,7 +67,8 @@ class Arguments(NamedTuple):
     verbose: bool
 
 
-def parser() -> Parser:
+def parser(usual: Collection[str] | None = None) -> Parser:
+    """The parser; `usual`: the settings that its help shows, by default all."""
     made = Parser(
         "train",
         "[FLOW.h5 ... --out DIR] [settings]",
@@ -88,10 +89,11 @@ def parser() -> Parser:
         default=False,
         help="print tables, errors of the fields and every check too",
     )
+    made.add_argument("--help-all", action="help", help="show every setting")
     groups = {name: kind.__doc__ or "" for name, kind in sections_of(Config).items()}
     positional = ("flow", "further_flows")
     flags = {key: stated for key, stated in settings_of(Config).items() if key not in positional}
-    made.add_settings(flags, groups, USUAL)
+    made.add_settings(flags, groups, usual)
     return made
 
 
@@ -101,7 +103,8 @@ def parse(argv: Sequence[str]) -> Arguments:
     Later ones win: recipe, `config.toml` of the run that is resumed, `--config` file, flags.
     Without a flow file: the settings of the demonstration, changed by those that are given.
     """
-    flags = vars(parser().parse_args(argv))
+    usual = None if "--help-all" in argv else USUAL
+    flags = vars(parser(usual).parse_args(argv))
     file, verbose = flags.pop("config", None), flags.pop("verbose")
     flows, one_law = flags.pop("flow", []), flags.pop("one_law")
     if len(flows) > 1 and not one_law:
@@ -149,7 +152,7 @@ def run(argv: Sequence[str]) -> int:
     from granpinn import foreign
 
     foreign.start()  # it opens the flow file; its imports run beside those of torch
-    from granpinn.command import training_run
+    from granpinn.commands.shared import training_run
 
     exit_codes.keep_what_is_loaded()
     return training_run.run(config, verbose, begin)

@@ -1,7 +1,6 @@
 """Settings: their types, defaults, ranges and help, the named recipes, and settings as TOML."""
 
 from granpinn.config.fields import ConfigError, flatten, setting, settings_of
-from granpinn.config.recipes import RECIPES
 from granpinn.config.sections import (
     Batch,
     Network,
@@ -10,7 +9,7 @@ from granpinn.config.sections import (
     SideWalls,
     Weights,
 )
-from granpinn.config.settings import LEVELS, Config, Level, identity
+from granpinn.config.settings import LEVELS, RECIPES, Config, Level, identity
 
 __all__ = [
     "LEVELS",

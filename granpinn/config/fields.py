@@ -5,22 +5,24 @@ Command line, TOML files, checks and messages read them from there.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import difflib
 import functools
 import math
 import types
-from collections.abc import Collection, Hashable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from granpinn.declared import shown
+from granpinn.declared import WrongTypeError, shown, typed
 from granpinn.errors import BadInput
 
 C = TypeVar("C")
 
 # The least positive number and the largest one: float32 holds both.
 TINY, LARGEST = 1e-30, 1e30
+NONE = "none"  # "no value" in text, and in TOML, which has no word for it
 
 
 class ConfigError(BadInput):
@@ -54,17 +56,37 @@ class Setting:
     group: str = ""
     metavar: str = ""
 
-    def check(self, value: Any, name: str) -> None:
-        """Refuses a value outside of the choices or the range; `name` is for the message."""
+    def check(self, value: Any, name: str) -> Any:
+        """A value as the type of the setting; `name` is for the message.
+
+        Raises:
+            ConfigError: it has another type, or is outside of the choices or the range.
+        """
+        _, optional = without_none(self.kind)
+        try:
+            value = typed(
+                None if optional and shown(value) == shown(NONE) else value, self.kind, name
+            )
+        except WrongTypeError as error:
+            raise ConfigError(error.for_commands) from None
         if isinstance(value, str) and not value:
             raise ConfigError(f"{name} must not be empty: leave it out, or give a value")
-        if self.choices and not (isinstance(value, Hashable) and value in self.choices):
+        if self.choices and value not in self.choices:
             raise ConfigError(f"{name} must be {self.range_text}, got {shown(value)}")
         numbers = value if isinstance(value, tuple) else (value,)
         if any(isinstance(x, int | float) and not self._holds(x) for x in numbers):
             raise ConfigError(
-                f"{name} must be {self.range_text}, got {_text(value)}: --help explains it"
+                f"{name} must be {self.range_text}, got {as_text(value)}: --help explains it"
             )
+        return value
+
+    def of_text(self, text: str | bool, name: str) -> Any:
+        """The value that a text of a command line stands for; a flag without a value is True.
+
+        Raises:
+            ConfigError: as `check`.
+        """
+        return self.check(_of_text(text, self.kind), name)
 
     def _holds(self, x: float) -> bool:
         return (TINY if self.positive else self.low) <= x <= self.high
@@ -89,11 +111,6 @@ def setting(default: Any, help: str, **stated: Any) -> Any:
     return field(default=default, metadata={"help": help, **stated})
 
 
-def section(kind: type, *, free: bool = False) -> Any:
-    """A dataclass field that is a group of settings; `free` holds for all of them."""
-    return field(default_factory=kind, metadata={"free": free})
-
-
 def most_like(name: str, known: Iterable[str]) -> str | None:
     """The known name that is most like `name`, which may lack its section; None without one."""
     names = {key: key for key in known}
@@ -105,11 +122,11 @@ def most_like(name: str, known: Iterable[str]) -> str | None:
     return None
 
 
-def unknown(shown: str, name: str, known: Iterable[str]) -> str:
+def unknown(name: str, known: Iterable[str]) -> str:
     """The sentence about a setting that does not exist, with the nearest of the known names."""
     near = most_like(name, known)
     hint = f"did you mean {near}?" if near else "granpinn train --help lists them"
-    return f"unknown setting {shown}: {hint}"
+    return f"unknown setting {name}: {hint}"
 
 
 @functools.cache
@@ -131,8 +148,7 @@ def settings_of(cls: type) -> dict[str, Setting]:
     for f in dataclasses.fields(cls):
         if f.name in sections:
             for name, stated in settings_of(sections[f.name]).items():
-                free = stated.free or f.metadata["free"]
-                found[f"{f.name}.{name}"] = dataclasses.replace(stated, free=free, group=f.name)
+                found[f"{f.name}.{name}"] = dataclasses.replace(stated, group=f.name)
             continue
         kind = kinds[f.name]
         found[f.name] = Setting(kind, f.default, **f.metadata)
@@ -142,12 +158,17 @@ def settings_of(cls: type) -> dict[str, Setting]:
 
 
 def flatten(config: Any, prefix: str = "") -> dict[str, Any]:
-    """{"network.widths": (128, 128, 128), ...}: the value of every setting by its dotted name."""
+    """{"network.widths": (128, 128, 128), ...}: the value of every setting by its dotted name.
+
+    Args:
+        config: a dataclass or a dict, with others in it.
+    """
     flat: dict[str, Any] = {}
-    for f in dataclasses.fields(config):
-        value = getattr(config, f.name)
-        nested = dataclasses.is_dataclass(value)
-        flat |= flatten(value, f"{prefix}{f.name}.") if nested else {prefix + f.name: value}
+    names = config if isinstance(config, Mapping) else [f.name for f in dataclasses.fields(config)]
+    for name in names:
+        value = config[name] if isinstance(config, Mapping) else getattr(config, name)
+        nested = dataclasses.is_dataclass(value) or isinstance(value, Mapping)
+        flat |= flatten(value, f"{prefix}{name}.") if nested else {prefix + name: value}
     return flat
 
 
@@ -164,5 +185,43 @@ def without_none(kind: Any) -> tuple[Any, bool]:
     return inner, True
 
 
-def _text(value: Any) -> str:
-    return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+def _of_text(text: str | bool, kind: Any) -> Any:
+    """What a text stands for; the text itself if it stands for nothing of the type."""
+    inner, _ = without_none(kind)
+    if isinstance(text, bool):
+        return text
+    if get_origin(inner) is tuple and text != NONE:
+        item = get_args(inner)[0]
+        return tuple(_of_text(word, item) for word in text.strip("[]() ").split(","))
+    with contextlib.suppress(LookupError, ValueError, OverflowError):
+        return READERS[inner](text)
+    return text
+
+
+def number(text: str) -> float:
+    """The number of a text in ASCII; ValueError for other text, such as "1_000" or other digits."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(f"no plain number: {text!r}")
+    return float(text)
+
+
+def whole(text: str) -> int:
+    """The integer of "40000" or "4e4"; ValueError for other text."""
+    value = number(text)
+    if not value.is_integer():
+        raise ValueError(f"no whole number: {text!r}")
+    return int(value) if abs(value) < 2**53 else int(text)
+
+
+READERS: dict[Any, Callable[[str], Any]] = {
+    float: number,
+    int: whole,
+    bool: lambda text: {"true": True, "false": False}[text],
+}
+
+
+def as_text(value: Any) -> str:
+    """A value as on the command line."""
+    if value is None:
+        return NONE
+    return ",".join(map(str, value)) if isinstance(value, tuple | list) else str(value)

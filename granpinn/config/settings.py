@@ -7,7 +7,7 @@ the `config.toml` that a run leaves.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import InitVar, dataclass, replace
+from dataclasses import InitVar, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from granpinn.config.fields import (
@@ -16,13 +16,11 @@ from granpinn.config.fields import (
     ConfigError,
     flag_of,
     flatten,
-    section,
     sections_of,
     setting,
     settings_of,
     unknown,
 )
-from granpinn.config.recipes import RECIPES
 from granpinn.config.sections import (
     Batch,
     Network,
@@ -31,15 +29,47 @@ from granpinn.config.sections import (
     SideWalls,
     Weights,
 )
-from granpinn.config.values import typed
 from granpinn.declared import shown
 from granpinn.physics.laws import DEFAULT, LAWS
-from granpinn.physics.terms import Form
+from granpinn.physics.terms import NAMES, Form
 
 Level = Literal["V0", "V1", "V2"]
 LEVELS: tuple[Level, ...] = get_args(Level)
 MOST_STEPS, MOST_SECONDS = 10**12, 1e9  # more than any machine lasts
 MOST_LAYERS = 64
+
+# The paper to the letter: section Training; where it is silent, what its library does by default
+# (Glorot uniform weights, epsilon 1e-7) and the plain reading (learning rate linear in the step,
+# unit weights in the units of the data, no scaling of inputs and outputs).
+PAPER: dict[str, Any] = {
+    "level": "V2",
+    "form": "strong",
+    "units": "file",
+    "steps": None,
+    "epochs": 20000,
+    "network.widths": (250, 250, 250),
+    "network.initialization": "glorot_uniform",
+    "rheology.variables": "sigmoid",
+    "rheology.random_start": True,
+    "side_walls.friction": 0.0,
+    "weights.law_error": 0.0,
+    "weights.follow_noise": False,
+    **{f"weights.sigma_{name}": 1.0 for name in NAMES},
+    "batch.interior": 512,
+    "batch.surface": 512,
+    "batch.collocation": 0.0,
+    "optimizer.method": "adam",
+    "optimizer.learning_rate": 5e-4,
+    "optimizer.scalars_learning_rate": 5e-4,
+    "optimizer.final_fraction": 0.02,
+    "optimizer.warm_up": 0.0,
+    "optimizer.prefit": 0.0,
+    "optimizer.beta_2": 0.999,
+    "optimizer.epsilon": 1e-7,
+    "optimizer.last_layer": False,
+}
+RECIPES: dict[str, dict[str, Any]] = {"default": {}, "paper": PAPER}
+"""Named sets of settings that a Config starts from."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,12 +178,12 @@ class Config:
         free=True,
     )
     resume: bool = setting(False, "continue the run in --out from its newest checkpoint", free=True)
-    network: Network = section(Network)
-    rheology: Rheology = section(Rheology)
-    side_walls: SideWalls = section(SideWalls)
-    weights: Weights = section(Weights)
-    batch: Batch = section(Batch)
-    optimizer: Optimizer = section(Optimizer)
+    network: Network = field(default_factory=Network)
+    rheology: Rheology = field(default_factory=Rheology)
+    side_walls: SideWalls = field(default_factory=SideWalls)
+    weights: Weights = field(default_factory=Weights)
+    batch: Batch = field(default_factory=Batch)
+    optimizer: Optimizer = field(default_factory=Optimizer)
     # The recipe of the Config that `dataclasses.replace` copies; replace passes it on.
     _copied: InitVar[str] = ""
 
@@ -204,11 +234,10 @@ def _resolve(given: Mapping[str, Any]) -> dict[str, Any]:
             )
     for key in single:
         if key not in known:
-            raise ConfigError(unknown(key, key, [*known, *sections]))
+            raise ConfigError(unknown(key, [*known, *sections]))
     flat |= single
     for key, stated in known.items():
-        flat[key] = typed(flat[key], stated.kind, flag_of(key))
-        stated.check(flat[key], flag_of(key))
+        flat[key] = stated.check(flat[key], flag_of(key))
     return flat
 
 

@@ -7,9 +7,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from granpinn.config.fields import ConfigError, flatten, settings_of, unknown, without_none
+from granpinn.config.fields import NONE, ConfigError, flatten, settings_of, unknown
 from granpinn.config.settings import Config
-from granpinn.config.values import NONE, typed
 from granpinn.regular import read_text
 
 MAX_BYTES = 2**20
@@ -23,21 +22,11 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path} does not exist: --config expects a TOML file") from None
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path} could not be read as TOML: {error}") from None
-    known = settings_of(Config)
-    values: dict[str, Any] = {}
-    for key, value in content.items():
-        if isinstance(value, dict):
-            values |= {f"{key}.{inner}": item for inner, item in value.items()}
-        else:
-            values[key] = value
+    known, values = settings_of(Config), flatten(content)
     for key, value in values.items():
         if key not in known:
-            raise ConfigError(
-                f"{path}, perhaps of another version, has the {unknown(key, key, known)}"
-            )
-        _, optional = without_none(known[key].kind)
-        value = None if optional and value == NONE else value
-        values[key] = typed(value, known[key].kind, f"{path}: {key}")
+            raise ConfigError(f"{path}, perhaps of another version, has the {unknown(key, known)}")
+        values[key] = known[key].check(value, f"{path}: {key}")
     return values
 
 

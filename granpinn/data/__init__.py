@@ -3,7 +3,6 @@
 from granpinn.data.flow import (
     Flow,
     FlowFileError,
-    FlowFileWarning,
     Particles,
     Surface,
     Truth,
@@ -15,6 +14,7 @@ from granpinn.data.outline import with_partial_cells
 from granpinn.data.particles import particle_flow
 from granpinn.data.points import TrainingSet, test_grid, training_set
 from granpinn.data.rules import check_flow
+from granpinn.errors import FlowFileWarning
 
 __all__ = [
     "Flow",

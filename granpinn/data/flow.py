@@ -34,10 +34,6 @@ class FlowFileError(BadInput):
     """A flow breaks a rule of the format; the message is one sentence with the remedy."""
 
 
-class FlowFileWarning(UserWarning):
-    """A flow keeps every rule of the format, but is likely to be wrong."""
-
-
 @dataclass(frozen=True, eq=False)
 class Surface:
     """Points of the free surface, in any order.

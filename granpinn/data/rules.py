@@ -144,8 +144,8 @@ def _check_constants(flow: Flow) -> None:
             "attribute or leave it out"
         )
     gravity = flow.gravity
-    size = max(map(abs, gravity), default=0.0)
-    if len(gravity) != 2 or not all(map(math.isfinite, gravity)) or not LEAST <= size <= LARGEST:
+    size = max(map(abs, gravity))
+    if not all(map(math.isfinite, gravity)) or not LEAST <= size <= LARGEST:
         raise FlowFileError(
             f"gravity must be two finite numbers (g_x, g_y), not both 0, got "
             f"{[float(g) for g in gravity]}: correct this attribute"

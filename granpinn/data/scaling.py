@@ -14,8 +14,8 @@ from granpinn.arrays import Float64, Floats
 from granpinn.data.flow import WALL_GAP, Flow, FlowFileError
 from granpinn.data.symmetry import axes_of
 from granpinn.physics.axes import Axes
-from granpinn.physics.scales import EquationConstants, Scales
-from granpinn.physics.side_walls import coefficient
+from granpinn.physics.constants import side_wall
+from granpinn.physics.scales import Scales
 
 FLOAT32 = 2.0**-23  # distance of neighboring float32 numbers, relative
 SMALL_PART = 2.0**-10  # of a step, by which float32 may round a coordinate
@@ -78,27 +78,22 @@ def turned_and_rounded(values: Float64, axes: Axes) -> Float64:
     return np.asarray(np.rint(turned / RESOLUTION) * RESOLUTION)
 
 
-def equation_constants(flow: Flow, scales: Scales) -> EquationConstants:
-    """The constants of the material of a flow, dimensionless."""
-    g = math.hypot(*flow.gravity)
+def inertial_diameter(flow: Flow, scales: Scales) -> float:
+    r"""The grain diameter of the inertial number, $d \sqrt{\rho_g / \rho} / H_0$, dimensionless.
+
+    The equations have one density, the bulk density $\rho = 1$, but the inertial number
+    $I = d \dot\gamma / \sqrt{p / \rho_g}$ has that of a grain. The paper sets both equal, as does
+    a file without `grain_density`.
+    """
     grain_density = flow.density if flow.grain_density is None else flow.grain_density
     effective = flow.grain_diameter * math.sqrt(grain_density / flow.density)
-
-    def viscosity(eta: float | None) -> float | None:
-        return None if eta is None else scales.to_dimensionless(eta, "viscosity")
-
-    return EquationConstants(
-        grain_diameter=scales.to_dimensionless(effective, "length"),
-        gravity=(flow.gravity[0] / g, flow.gravity[1] / g),
-        eta_min=viscosity(flow.eta_min),
-        eta_max=viscosity(flow.eta_max),
-    )
+    return scales.to_dimensionless(effective, "length")
 
 
 def side_wall_of(flow: Flow, scales: Scales, friction: float) -> float:
     """k = 2 mu_w / W of side walls with a friction mu_w, dimensionless; 0 without `wall_gap`."""
     gap = flow.stated(WALL_GAP)
-    return 0.0 if gap is None else coefficient(friction, scales.to_dimensionless(gap, "length"))
+    return 0.0 if gap is None else side_wall(friction, scales.to_dimensionless(gap, "length"))
 
 
 def initial_height(flow: Flow) -> float:

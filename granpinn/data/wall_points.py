@@ -21,8 +21,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.data.flow import Flow, FlowFileWarning
+from granpinn.data.flow import Flow
 from granpinn.data.walls import Segments, crossed, samples, segments_of
+from granpinn.errors import FlowFileWarning
 from granpinn.physics.terms import TERMS
 
 REACH = 1.5  # spacings from a wall to the nearest vector of grains that touch it

@@ -14,7 +14,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float32, Float64, Index, nearest
 from granpinn.data import Flow
-from granpinn.data.scaling import equation_constants
+from granpinn.data.scaling import inertial_diameter
 from granpinn.estimates.local_fits import local_fits
 from granpinn.physics.scales import Scales
 
@@ -29,7 +29,7 @@ class View:
         count: vectors per cell [T, Y, X]: 0 or 1 on a grid, any number for particles.
         grains: cells full of grains [T, Y, X].
         gravity: unit vector.
-        d: grain diameter of the inertial number (`granpinn.physics.scales.EquationConstants`).
+        d: grain diameter of the inertial number (`data.scaling.inertial_diameter`).
         steady: whether all frames show one flow.
     """
 
@@ -59,7 +59,7 @@ class View:
 
 def view_of(flow: Flow, scales: Scales) -> View:
     """The flow as a View; a cell has the mean of the particles in it."""
-    material = equation_constants(flow, scales)
+    g = math.hypot(*flow.gravity)
     x_0, y_0, t_0 = scales.origin
     count = flow.valid.astype(np.float64) if flow.particles is None else _counts(flow)
     there = count > 0
@@ -76,8 +76,8 @@ def view_of(flow: Flow, scales: Scales) -> View:
         v=velocity(flow.v),
         count=count,
         grains=flow.material,
-        gravity=material.gravity,
-        d=material.grain_diameter,
+        gravity=(flow.gravity[0] / g, flow.gravity[1] / g),
+        d=inertial_diameter(flow, scales),
         steady=flow.steady,
     )
 

@@ -11,7 +11,7 @@ the terms with q itself, q = mu(I) p with the law mu(I) = mu_s + (mu_2 - mu_s) I
 the second line best. Both are iterated from q = 0.4 p. So the noise of q in a cell does not reach
 the cells below it, nor those where the shear is not parallel to the axes, |n_xy| << 1. A flow that
 is periodic along x is averaged along x first: then d_x = 0. Friction of side walls adds the force
--k p v/|v| to rho g (granpinn/physics/side_walls.py), also iterated.
+-k p v/|v| to rho g (granpinn/physics/constants.py), also iterated.
 
 Velocities are smoothed by local quadratic fits. The error of the shear rate is estimated from what
 the fits leave, and its square is subtracted from that of the shear rate.
@@ -29,7 +29,7 @@ from granpinn.data import Flow
 from granpinn.data.flow import WALL_GAP
 from granpinn.data.surface import STEEP, folded, line_heights
 from granpinn.estimates.local_fits import line_slopes, local_fits
-from granpinn.physics.side_walls import AT_REST, coefficient
+from granpinn.physics.constants import AT_REST, side_wall
 
 NO_TOP = "the flow has no surface line, from which the stress is counted"
 EVEN = 0.02  # largest relative difference of the spacings of a regular axis
@@ -340,7 +340,7 @@ def _integral(density: Float64, below: Float64, dy: float) -> Float64:
 def side_walls(
     flow: Flow, friction: float, u: Float64, v: Float64
 ) -> tuple[Float64, Float64] | None:
-    """k v/|v| along x and y [K, Y, X]; times -p it is the force (granpinn/physics/side_walls.py).
+    """k v/|v| along x and y [K, Y, X]; times -p it is the force (granpinn/physics/constants.py).
 
     None for a flow that states no distance of side walls, or for smooth ones.
 
@@ -353,7 +353,7 @@ def side_walls(
         return None
     smallest = AT_REST * np.sqrt(np.mean(u**2 + v**2))
     speed = np.maximum(np.sqrt(u**2 + v**2 + smallest**2), np.finfo(float).tiny)
-    k = coefficient(friction, gap)
+    k = side_wall(friction, gap)
     return k * u / speed, k * v / speed
 
 

@@ -1,109 +1,81 @@
-"""All figures of a run in their order, with the data that each needs."""
+"""All figures of a run in their order."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from granpinn.arrays import Floats
 from granpinn.figures import curves, maps
-from granpinn.figures.style import Drawing, NothingToDraw, save
-from granpinn.output import make_folder
-from granpinn.results import Fields, Result
-from granpinn.results.attempt import NotDone, attempt
+from granpinn.figures.style import Drawing, NothingToDraw, png
+from granpinn.output import make_folder, write_bytes
+from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES, after_start
+from granpinn.results.record import why_not_done
 
-History = Mapping[str, Floats]
+if TYPE_CHECKING:
+    from granpinn.identification.identified import Identification
 
-
-class Source(NamedTuple):
-    """The contents of a run folder; `frame` is the index of the time of maps."""
-
-    result: Result
-    fields: Fields | None
-    history: History | None
-    frame: int
+Figures = dict[str, tuple[str, Callable[["Identification", float | None], Drawing]]]
 
 
 class Picture(NamedTuple):
-    """A figure that was drawn: its file, title and caption."""
+    """A figure that was drawn: the name of its file, its content, title and caption."""
 
-    path: Path
+    name: str
+    png: bytes
     title: str
     caption: str
 
-    @property
-    def words(self) -> str:
-        """The caption after the title, which it does not repeat."""
-        rest = self.caption.removeprefix(self.title)
-        return rest if rest != self.caption else f". {self.caption}"
 
-
-class Missing(NamedTuple):
-    """A figure that could not be drawn, and the reason."""
-
-    title: str
-    reason: str
-
-
-def fields_of(source: Source) -> Fields:
+def fields_of(run: Identification) -> Fields:
     """The fields of a run with grains; the message of NothingToDraw names a missing part."""
-    if source.fields is None:
-        raise NothingToDraw("there is no fields.h5 that can be read")
-    absent = set(VARIABLES) - {"p_reference"} - set(source.fields.values)
+    absent = set(VARIABLES) - {"p_reference"} - set(run.grid.values)
     if absent:
         raise NothingToDraw(f"fields.h5 lacks {', '.join(sorted(absent))}")
-    if not after_start(source.fields).any():
+    if not after_start(run.grid).any():
         raise NothingToDraw("fields.h5 has no grid point inside the grains after the start")
-    return source.fields
+    return run.grid
 
 
-def _history(source: Source) -> History:
-    if source.history is None:
-        raise NothingToDraw("there is no history.csv that can be read")
-    return source.history
-
-
-# file name -> (title, drawing function)
-FIGURES: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
-    "friction_law": ("Friction law", lambda s: curves.friction_law(s.result, fields_of(s))),
-    "pressure": ("Pressure", lambda s: maps.pressure_fields(fields_of(s), s.frame)),
-    "velocity": ("Speed", lambda s: maps.velocity_fields(fields_of(s), s.frame)),
-    "evolution": ("Course of the training", lambda s: curves.evolution(s.result, _history(s))),
+# File name -> title, and the drawing of a run whose maps are at a time.
+FIGURES: Figures = {
+    "friction_law": ("Friction law", lambda run, _: curves.friction_law(run, fields_of(run))),
+    "pressure": ("Pressure", lambda run, time: maps.pressure_fields(fields_of(run), time)),
+    "velocity": ("Speed", lambda run, time: maps.velocity_fields(fields_of(run), time)),
+    "evolution": ("Course of the training", lambda run, _: curves.evolution(run, run.history)),
 }
 
 # Of a result of several flows with one law; the figures of a flow are in its folder.
-FLOWS: dict[str, tuple[str, Callable[[Source], Drawing]]] = {
-    "friction_law": ("Friction law", lambda s: curves.law_of_flows(s.result)),
-}
+FLOWS: Figures = {"friction_law": ("Friction law", lambda run, _: curves.friction_law(run, None))}
 
 
-def figures_of(result: Result) -> dict[str, tuple[str, Callable[[Source], Drawing]]]:
-    """All figures of a run, those of its checks included."""
-    found = dict(FLOWS if result.flows else FIGURES)
-    for record in result.checks.values():
-        found |= record.figures()
-    return found
+def draw_all(
+    run: Identification, folder: Path, time: float | None
+) -> tuple[list[Picture], dict[str, str]]:
+    """Write every possible figure to `folder`; remove old files of figures that are missing.
 
-
-def draw_all(source: Source, folder: Path) -> tuple[list[Picture], list[Missing]]:
-    """Write every possible figure to `folder`; remove old files of figures that are missing."""
+    Returns:
+        The figures, and why others are missing, by their titles.
+    """
     make_folder(folder)
-    pictures, missing = [], []
-    for name, (title, draw) in figures_of(source.result).items():
+    figures = {
+        name: (title, partial(draw, run, time))
+        for name, (title, draw) in (FLOWS if run.flows else FIGURES).items()
+    }
+    for record in run.checks.values():
+        for name, (title, draw) in record.figures().items():
+            figures[name] = title, partial(draw, run)
+    pictures, missing = [], {}
+    for name, (title, draw) in figures.items():
         path = folder / f"{name}.png"
-        picture = attempt(partial(_write, draw, source, path, title))
-        if isinstance(picture, NotDone):
-            path.unlink(missing_ok=True)
-            missing.append(Missing(title, picture.why))
-        else:
+        try:
+            figure, caption = draw()
+            picture = Picture(name, png(figure), title, caption)
+            write_bytes(path, picture.png)
             pictures.append(picture)
+        except Exception as error:
+            missing[title] = why_not_done(error)
+            path.unlink(missing_ok=True)
     return pictures, missing
-
-
-def _write(draw: Callable[[Source], Drawing], source: Source, path: Path, title: str) -> Picture:
-    drawing = draw(source)
-    save(drawing.figure, path)
-    return Picture(path, title, drawing.caption)

@@ -29,8 +29,8 @@ from granpinn.physics.laws import LAWS
 from granpinn.physics.terms import NAMES
 from granpinn.results import Fields, Result
 from granpinn.results.fields import after_start, flowing
-from granpinn.results.identified_law import StressPoints
 from granpinn.results.parameters import NOT_DETERMINED
+from granpinn.results.records import StressPoints
 from granpinn.results.result import true_friction
 
 I_EDGES = np.logspace(-4, 1, 51).tolist()  # below, a law is flat; above, there are few points
@@ -40,40 +40,33 @@ PARAMETER_COLORS = (BLUE, ORANGE, GREEN, PURPLE)  # of the identified parameters
 
 
 @styled
-def friction_law(result: Result, fields: Fields) -> Drawing:
-    """The law with its band, the points of the fit and the true law; the share of each I below."""
-    figure = new_figure(5.4)
-    curve, histogram = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
+def friction_law(result: Result, fields: Fields | None) -> Drawing:
+    """The law with its band, the points of the fit and the true law; the share of each I below.
+
+    Of a law of several flows, the range of I of each flow is below.
+    """
+    figure = new_figure(4.6 if fields is None else 5.4)
+    curve, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
     caption = draw_law(curve, result)
     curve.set_title(f"(a) friction law: {result.friction_law.title}")
-    _histogram_of_I(histogram, fields)
-    histogram.set_title("(b) share of the grain points")
+    below.set_xlabel("inertial number $I$")
+    if fields is None:
+        for k, flow in enumerate(result.flows):
+            if flow.I_range is not None:
+                below.plot(flow.I_range, (k, k), color=BLUE, lw=4)
+        below.set_yticks(range(len(result.flows)), [flow.input.name for flow in result.flows])
+        below.set_ylim(len(result.flows) - 0.5, -0.5)
+        below.set_title("(b) inertial numbers of each flow")
+        caption += ", and the I of each flow"
+    else:
+        _histogram_of_I(below, fields)
+        below.set_title("(b) share of the grain points")
     low, high = _over_the_data(curve, result)
-    I = fields.values["I"][after_start(fields)]
-    beyond = np.mean((low > I) | (high < I))
-    return Drawing(
-        figure,
-        f"{caption}. {100 * beyond:.0f} % of all points lie beside the axis."
-        " The axis of mu does not begin at 0.",
-    )
-
-
-@styled
-def law_of_flows(result: Result) -> Drawing:
-    """The law that several flows have, with its band; the range of I of each flow below."""
-    figure = new_figure(4.6)
-    curve, spans = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
-    caption = draw_law(curve, result)
-    curve.set_title(f"(a) friction law: {result.friction_law.title}")
-    for k, flow in enumerate(result.flows):
-        if flow.I_range is not None:
-            spans.plot(flow.I_range, (k, k), color=BLUE, lw=4)
-    spans.set_yticks(range(len(result.flows)), [flow.input.name for flow in result.flows])
-    spans.set_ylim(len(result.flows) - 0.5, -0.5)
-    spans.set_xlabel("inertial number $I$")
-    spans.set_title("(b) inertial numbers of each flow")
-    _over_the_data(curve, result)
-    return Drawing(figure, f"{caption}, and the I of each flow. The axis of mu begins above 0.")
+    if fields is not None:
+        I = fields.values["I"][after_start(fields)]
+        beyond = np.mean((low > I) | (high < I))
+        caption += f". {100 * beyond:.0f} % of all points lie beside the axis"
+    return Drawing(figure, f"{caption}. The axis of mu does not begin at 0.")
 
 
 def _over_the_data(axes: Axes, result: Result) -> tuple[float, float]:
@@ -92,7 +85,7 @@ def draw_law(curve: Axes, result: Result) -> str:
     if found.I_range is None:
         raise NothingToDraw(f"the range of I is not known: {found.reason or 'an earlier version'}")
     low, high = found.I_range
-    caption = f"Friction law over the I of 5 % to 95 % of the grains that shear, {low:.2g} to "
+    caption = f"Over the I of 5 % to 95 % of the grains that shear, {low:.2g} to "
     caption += f"{high:.2g}"
     if found.points is not None:
         caption += _stress_points(curve, found.points, result.form)
@@ -172,7 +165,6 @@ def _histogram_of_I(axes: Axes, fields: Fields) -> None:
     )
     axes.set_xscale("log")
     axes.xaxis.set_minor_locator(LogLocator(subs=(2, 5)))
-    axes.set_xlabel("inertial number $I$")
     axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
     axes.legend(loc="upper left")
 
@@ -187,7 +179,7 @@ def evolution(result: Result, history: Mapping[str, Floats]) -> Drawing:
     terms.set_title("(b) loss and its terms before weighting")
     return Drawing(
         figure,
-        "Course of the training: the identified parameters"
+        "The identified parameters"
         + (" with their true values (dashed)" if result.truth is not None else "")
         + ", and the loss with its terms.",
     )

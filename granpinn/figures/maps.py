@@ -77,51 +77,37 @@ def map_of_grid(
     """One field [Y, X] over the whole grid of a flow; `text` labels its colors."""
     aspect = float(np.ptp(flow.y) / np.ptp(flow.x))
     figure = new_figure(float(np.clip((WIDTH - 1.6) * aspect + 0.7, 2.4, 7.0)))
-    axes = figure.subplots()
-    finite = values[np.isfinite(values)]
-    if limits is None:
-        limits = (0.0, float(np.quantile(finite, 0.998)) if finite.size else 1.0)
-    image = axes.pcolormesh(
-        flow.x,
-        flow.y,
-        np.ma.masked_invalid(values),
-        vmin=limits[0],
-        vmax=limits[1] or 1.0,
-        cmap=VALUE_MAP,
-        shading="nearest",
-    )
-    axes.set_aspect("equal")
-    axes.set_xlabel(label("$x$", flow.length_unit))
-    axes.set_ylabel(label("$y$", flow.length_unit))
-    figure.colorbar(image, ax=axes, label=text, pad=0.02)
+    norm = Normalize(*(limits or (0.0, _quantile(values, 0.998) or 1.0)))
+    draw_map(figure.subplots(), flow.x, flow.y, flow.length_unit, Map("", values, norm, text))
     return Drawing(figure, text)
 
 
 @styled
-def pressure_fields(fields: Fields, k: int) -> Drawing:
+def pressure_fields(fields: Fields, time: float | None) -> Drawing:
     """Predicted pressure, the reference and their difference, where there is a reference."""
+    k = frame_at(fields, time)
     reference = fields.frame("p_reference", k) if "p_reference" in fields.values else None
     unit = fields.units.of("pressure")
-    drawing = _compare(fields, k, "Pressure", "$p$", unit, fields.frame("p", k), reference)
+    drawing = _compare(fields, k, "$p$", unit, fields.frame("p", k), reference)
     if reference is not None:
         return drawing
     return drawing._replace(caption=drawing.caption + " The flow file has no reference pressure.")
 
 
 @styled
-def velocity_fields(fields: Fields, k: int) -> Drawing:
+def velocity_fields(fields: Fields, time: float | None) -> Drawing:
     """Predicted speed, the speed in the flow file and their difference."""
+    k = frame_at(fields, time)
     found, known = (
         np.hypot(fields.frame(f"u{of}", k), fields.frame(f"v{of}", k)) for of in ("", "_reference")
     )
     unit = fields.units.of("velocity")
-    return _compare(fields, k, "Speed", "$|v|$", unit, found, known, "flow file")
+    return _compare(fields, k, "$|v|$", unit, found, known, "flow file")
 
 
 def _compare(
     fields: Fields,
     k: int,
-    name: str,
     symbol: str,
     unit: str | None,
     found: Floats,
@@ -131,7 +117,7 @@ def _compare(
     """A predicted field, the known one, and their difference."""
     values = value_norm(found if known is None else np.stack([found, known]))
     shown = [Map(f"{symbol} predicted", found, values, label(symbol, unit))]
-    caption = f"{name} in the grains at {_time(fields, k)}"
+    caption = f"In the grains at {_time(fields, k)}"
     if known is None:
         return Drawing(_maps(fields, grain_window(fields, k), shown), f"{caption}: predicted.")
     shown += [
@@ -174,31 +160,34 @@ def _maps(fields: Fields, window: Window, shown: Sequence[Map]) -> Figure:
         figure = new_figure(min(((WIDTH - 0.6) / count - 0.9) * aspect + 0.9, 7.0))
         grid = figure.subplots(1, count, squeeze=False, sharex=True, sharey=True)
     for letter, axes, one in zip("abc", grid.ravel(), shown, strict=False):
-        draw_map(axes, fields, window, one._replace(title=f"({letter}) {one.title}"))
+        draw_grains(axes, fields, window, one._replace(title=f"({letter}) {one.title}"))
         axes.label_outer()
     return figure
 
 
-def draw_map(axes: Axes, fields: Fields, window: Window, one: Map) -> None:
-    """One map with its axes, color bar and the free surface (c = 0.5)."""
-    x, y = fields.x[window.columns], fields.y[window.rows]
-    cut = np.ma.masked_invalid(one.values[window.rows, window.columns])
-    look: dict[str, Any] = {
-        "norm": one.norm,
-        "cmap": one.colormap,
-        "shading": "nearest",
-        "rasterized": True,
-    }
-    image = axes.pcolormesh(x, y, cut, **look)
-    c = np.nan_to_num(fields.c[window.k, window.rows, window.columns])
-    if min(c.shape) > 1 and c.min() < 0.5 < c.max():
+def draw_map(
+    axes: Axes, x: Float64, y: Float64, unit: str | None, one: Map, c: Floats | None = None
+) -> None:
+    """One map with its axes, color bar and the free surface, where c [Y, X] is 0.5."""
+    look: dict[str, Any] = {"shading": "nearest", "rasterized": True}
+    cut = np.ma.masked_invalid(one.values)
+    image = axes.pcolormesh(x, y, cut, norm=one.norm, cmap=one.colormap, **look)
+    if c is not None and min(c.shape) > 1 and c.min() < 0.5 < c.max():
         axes.contour(x, y, c, levels=[0.5], colors=BLACK, linewidths=0.9)
     axes.set_aspect("equal")
     axes.set_title(one.title)
-    axes.set_xlabel(label("$x$", fields.units.of("length")))
-    axes.set_ylabel(label("$y$", fields.units.of("length")))
+    axes.set_xlabel(label("$x$", unit))
+    axes.set_ylabel(label("$y$", unit))
     bar: dict[str, Any] = {"label": one.text, "extend": one.extend, "pad": 0.02, "aspect": 14}
     axes.figure.colorbar(image, ax=axes, **bar)
+
+
+def draw_grains(axes: Axes, fields: Fields, window: Window, one: Map) -> None:
+    """A map of the grains in a window, with the free surface."""
+    k, rows, columns = window
+    cut = one._replace(values=one.values[rows, columns])
+    c = np.nan_to_num(fields.c[k, rows, columns])
+    draw_map(axes, fields.x[columns], fields.y[rows], fields.units.of("length"), cut, c)
 
 
 def value_norm(values: Floats) -> Normalize:

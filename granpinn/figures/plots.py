@@ -6,8 +6,8 @@ pyplot, which a notebook shows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +19,11 @@ from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.figures import curves, maps
 from granpinn.figures.style import label
-from granpinn.results import Fields, Result
+from granpinn.results import Fields
 from granpinn.results.fields import VARIABLES
+
+if TYPE_CHECKING:
+    from granpinn.identification.identified import Identification
 
 SPEED = "speed"
 SYMBOLS = {
@@ -53,15 +56,8 @@ class Plots:
     Times are in the unit of the flow; without one they are 0.7 of the last.
     """
 
-    def __init__(
-        self,
-        result: Result,
-        fields: Callable[[], Fields],
-        history: Callable[[], Mapping[str, Floats]],
-    ) -> None:
+    def __init__(self, result: Identification) -> None:
         self._result = result
-        self._fields = fields
-        self._history = history
 
     @checked
     def __call__(self, t: float | None = None) -> Panels:
@@ -96,21 +92,21 @@ class Plots:
         Raises:
             BadInput: a name is unknown, or there are more or fewer axes than names.
         """
-        found = self._fields()
+        found = self._result.grid
         panels, k = _panels(1, len(names), axes), maps.frame_at(found, t)
         for ax, name in zip(panels, names, strict=True):
             values, kind = _values(found, name, k)
             text = label(SYMBOLS.get(name, f"${name}$"), found.units.of(kind))
             norm = _decades(values) if name in DECADES else maps.value_norm(values)
             one = maps.Map(f"$t$ = {found.t[k]:.4g}", values, norm, text)
-            maps.draw_map(ax, found, maps.grain_window(found, k), one)
+            maps.draw_grains(ax, found, maps.grain_window(found, k), one)
         return panels
 
     @checked
     def history(self, axes: Sequence[Axes] | Panels | None = None) -> Panels:
         """The identified values, and the loss with its terms, against the step: two panels."""
         panels = _panels(2, 1, axes)
-        curves.draw_evolution(panels[0], panels[1], self._result, self._history())
+        curves.draw_evolution(panels[0], panels[1], self._result, self._result.history)
         return panels
 
 

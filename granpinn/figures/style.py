@@ -6,6 +6,7 @@ readable for colour-blind readers and in grey print.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import wraps
@@ -16,7 +17,7 @@ import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from granpinn.output import replacing
+from granpinn.output import write_bytes
 
 STYLE = {
     "font.family": "DejaVu Sans",
@@ -93,8 +94,15 @@ def label(symbol: str, unit: str | None) -> str:
     return f"{symbol} [{unit}]"
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a PNG, whose bytes depend on the figure only: no date, no version."""
-    with replacing(path) as temporary, temporary.open("wb") as file, _look():
+def png(figure: Figure) -> bytes:
+    """The figure as a PNG, whose bytes depend on the figure only: no date, no version."""
+    file = io.BytesIO()
+    with _look():
         canvas: Any = FigureCanvasAgg(figure)  # savefig would draw twice: once for the layout
         canvas.print_png(file, metadata={"Software": None})
+    return file.getvalue()
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a PNG."""
+    write_bytes(path, png(figure))

@@ -19,7 +19,8 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool
-from granpinn.data.flow import Flow, FlowFileWarning, Surface
+from granpinn.data.flow import Flow, Surface
+from granpinn.errors import FlowFileWarning
 from granpinn.filming import FilmSettings
 from granpinn.filming.frames import ImageSequence, Picture
 from granpinn.filming.segmentation import Segmentation, segmented

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granpinn.figures.style import BLUE, GREEN, ORANGE, Drawing, new_figure, save, styled
+from granpinn.figures.page import template
+from granpinn.figures.style import BLUE, GREEN, ORANGE, Drawing, new_figure, png, styled
 from granpinn.output import write_text
-from granpinn.report.page import encoded, template
 
 if TYPE_CHECKING:
     from granpinn.filming.measurement import Measured
@@ -22,11 +21,9 @@ CURVES = {"fast": "fast grains [px]", "light": "grey level", "sharp": "sharpness
 
 def write(measured: Measured, path: Path) -> None:
     """Writes the page, which needs no other file."""
-    drawing = draw(measured)
-    with tempfile.TemporaryDirectory() as folder:
-        save(drawing.figure, file := Path(folder) / "stages.png")
-        page = template("camera.html", base64=encoded)
-        write_text(path, page.render(said=measured.said, caption=drawing.caption, picture=file))
+    figure, caption = draw(measured)
+    page = template("camera.html")
+    write_text(path, page.render(said=measured.said, caption=caption, picture=png(figure)))
 
 
 @styled

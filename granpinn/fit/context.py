@@ -13,8 +13,7 @@ from granpinn.fit.free_curve import with_free_band
 from granpinn.fit.network import TrainedNetwork
 from granpinn.fit.prediction import Shear, shear_of, with_curve
 from granpinn.results import Fields, Result, write_fields, write_results
-from granpinn.results.attempt import NotDone, attempt
-from granpinn.results.record import Record
+from granpinn.results.record import Record, why_not_done
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty.sensitivity import Assumption
 
@@ -56,13 +55,14 @@ class Context:
         if self.folder is not None:
             write_results(result, self.folder / "results.json")
 
-    def do(self, part: str, work: Callable[[], Record | None]) -> None:
-        """Do what may fail alone (results/attempt.py); its record, or why it failed, is kept."""
-        made = attempt(work)
-        if isinstance(made, NotDone):
-            self.keep(self.result.without(part, made.why))
+    def attempt(self, part: str, work: Callable[[], Record | None]) -> None:
+        """Do what may fail alone; its record, or why it failed, is kept."""
+        try:
+            record = work()
+        except Exception as error:
+            self.keep(self.result.without(part, why_not_done(error)))
         else:
-            self.keep(self.result.with_record(part, made))
+            self.keep(self.result.with_record(part, record))
 
     def predicted(self) -> Fields:
         """The fields; a batch does not keep those of all its members."""

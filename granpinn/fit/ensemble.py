@@ -19,8 +19,7 @@ from granpinn.physics.laws import DEFAULT
 from granpinn.physics.terms import NAMES
 from granpinn.results import ErrorPercent, Fields, Parameter, Parameters, Residuals, Result
 from granpinn.results.fields import Units
-from granpinn.results.identified_law import IdentifiedLaw
-from granpinn.results.records import Assumed, Members
+from granpinn.results.records import Assumed, IdentifiedLaw, Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars

@@ -16,7 +16,7 @@ from granpinn.fit import ensemble
 from granpinn.fit.case import Case
 from granpinn.physics.laws import free
 from granpinn.results import Result
-from granpinn.results.identified_law import Curve
+from granpinn.results.records import Curve
 from granpinn.training.information import information
 from granpinn.training.loop import TrainingLoop
 from granpinn.uncertainty import error_model

@@ -18,7 +18,6 @@ from granpinn.kernels.network import NetworkSpec
 from granpinn.physics.axes import Axes
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import FrictionLaw
-from granpinn.physics.rheology import inertial_number
 from granpinn.physics.scales import Quantity, Scales
 from granpinn.results.fields import VARIABLES, Units
 from granpinn.training.operators import operators_of
@@ -159,7 +158,7 @@ class TrainedNetwork:
             "tau_xx": tau_xx,
             "tau_xy": tau_xy,
             "D2": torch.sqrt(D_squared),
-            "I": inertial_number(gamma_dot, p, d, floor),
+            "I": physics.inertial_number(gamma_dot, p),
             "eta": eta,
             "momentum_residual_x": e_u,
             "momentum_residual_y": e_v,

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from granpinn import report
 from granpinn.arrays import Float32, Float64
 from granpinn.declared import checked
 from granpinn.errors import BadInput
@@ -142,28 +141,33 @@ class Identification(Result):
         write_results(self, path / "results.json")
         return path
 
-    def report(self, folder: str | os.PathLike[str] | None = None) -> Path:
+    @checked
+    def report(
+        self, folder: str | os.PathLike[str] | None = None, *, time: float | None = None
+    ) -> Path:
         """Draw the figures and write report.html; its path.
 
         Args:
             folder: where `save` writes the result first; by default its run folder.
+            time: of the maps, in the unit of the flow; by default 0.7 of the last.
 
         Raises:
             BadInput: there is no run folder, and no folder was given.
             OutputError: the folder cannot be written to.
         """
-        if folder is not None:
-            return report.build(self.save(folder))
-        if self._folder is None:
+        from granpinn.figures import page  # matplotlib is slow to import
+
+        place = self._folder if folder is None else self.save(folder)
+        if place is None:
             raise BadInput("this result is in memory: name a folder for the report, report('run')")
-        return report.build(self._folder, fields=vars(self).get("grid"))
+        return page.build(self, place, time)
 
     @property
     def plot(self) -> Plots:
         """Figures on axes of matplotlib: `result.plot()`, `result.plot.law()`, ..."""
-        from granpinn.figures.plots import Plots  # matplotlib is loaded when it is used
+        from granpinn.figures.plots import Plots  # matplotlib is slow to import
 
-        return Plots(self, lambda: self.grid, lambda: self.history)
+        return Plots(self)
 
     def _place(self, name: str) -> Path:
         """A file or folder of the run."""

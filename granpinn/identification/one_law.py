@@ -14,8 +14,8 @@ from granpinn.data import Flow
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.fit.scoring import scalar_error
-from granpinn.identification.batch import side_by_side
 from granpinn.identification.identified import Identification
+from granpinn.identification.run import run
 from granpinn.output import owned
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import (
@@ -27,9 +27,8 @@ from granpinn.results import (
     Result,
     write_results,
 )
-from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import NONE
-from granpinn.results.records import Assumed
+from granpinn.results.records import Assumed, IdentifiedLaw
 from granpinn.results.result import FlowOfLaw
 from granpinn.training.progress import Progress
 from granpinn.uncertainty import one_law as fitted
@@ -60,7 +59,7 @@ def identify_one_law(
         if config.checks != NONE:  # what each flow says of I0
             config = dataclasses.replace(config, free_I0=True)
         configs = [config] * len(flows)
-        each = side_by_side(flows, configs, config, folder, progress, begin)
+        each = run(flows, configs, config, folder, progress, begin)
         found = one_law(each)
         if folder is not None:
             write_results(found, folder / "results.json")

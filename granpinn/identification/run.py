@@ -1,66 +1,77 @@
-"""Cases to answers: all are trained side by side, then each gets its values and its checks."""
+"""Flows to answers: all are trained side by side, then each gets its values and its checks."""
 
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import torch
-
-from granpinn.checks import momentum_balance
+from granpinn.checks import momentum_balance, wanted
 from granpinn.checks.comparison_of_laws import companions, places
 from granpinn.config import Config
+from granpinn.data import Flow
 from granpinn.fit import assumptions, ensemble, prediction
-from granpinn.fit.case import Case, members
+from granpinn.fit.case import Case, fixed_values, members, posed, sound
 from granpinn.fit.context import ASSUMPTIONS, CURVE, FIELDS, Context
 from granpinn.fit.network_file import FILE, write_network
 from granpinn.identification.identified import Identification
-from granpinn.identification.start import CHECKS, ERROR_BARS, start
-from granpinn.results.attempt import PENDING, NotDone, attempt
-from granpinn.results.record import NONE, Check
+from granpinn.identification.start import CHECKS, ERROR_BARS, prepare, start
+from granpinn.kernels.builds import choose_device
+from granpinn.output import owned
+from granpinn.physics.laws import LAWS
+from granpinn.results.record import NONE, PENDING, Check, why_not_done
 from granpinn.simulation.threads import beside_gpu, threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import History
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.progress import Progress
 
+FlowLike = Flow | str | os.PathLike[str]
 LEFT_OUT = "--checks none leaves it out"
 
 
 def run(
-    cases: Sequence[Case],
+    flows: Sequence[FlowLike],
+    configs: Sequence[Config],
     config: Config,
-    checks: Sequence[Check],
     folder: Path | None,
-    parts: Sequence[Path | None],
     progress: Progress | None,
     begin: float,
-    device: torch.device,
     *,
     alone: bool = False,
 ) -> list[Identification]:
-    """Train the ensembles of cases as one batch, and make the results and their checks.
+    """Train flows, each with its own settings, as one batch; make the results and their checks.
 
     Args:
-        folder: of the checkpoints.
-        parts: where the results of each case are written.
-        alone: there is one case, whose failure raises NonFiniteError; others leave a `failure`.
+        config: the settings that all share.
+        folder: of the checkpoints; its subfolders 000, 001, ... get the results of each flow.
+        begin: where a time limit begins.
+        alone: there is one flow, whose results are in `folder`; others leave a `failure`.
 
     Raises:
-        NonFiniteError: the one case diverged.
+        NonFiniteError: the one flow diverged.
     """
-    K, on_gpu = config.members, device.type == "cuda"
+    checks, device = wanted(config), choose_device(config.device)
+    on_gpu = device.type == "cuda"
+    cases = _pose(flows, configs, on_gpu)
+    K = config.members
     every = [member for case in cases for member in members(case)]
     others = [companions(case) for case in cases]
     behind = [len(every) + sum(map(len, others[:e])) for e in range(len(cases))]
     everyone = [*every, *(other for own in others for other in own)]
-    homes = [place for part in parts for place in (part, *[None] * (K - 1))]
-    homes += [None] * (len(everyone) - len(homes))
-    with ExitStack() as at_end:
+    with owned(folder), ExitStack() as at_end:
+        parts: list[Path | None] = [None] * len(cases)
+        if folder is not None:
+            prepare(folder, config)
+            parts = [folder]
+        if folder is not None and not alone:
+            parts = [prepare(folder / f"{e:03d}", case.config) for e, case in enumerate(cases)]
+        homes = [place for part in parts for place in (part, *[None] * (K - 1))]
+        homes += [None] * (len(everyone) - len(homes))
         loop = start(
             everyone,
             config,
@@ -86,7 +97,7 @@ def run(
         def valued(e: int) -> Context:
             own = slice(e * K, (e + 1) * K)
             context = with_values(every[own], loop, e * K, checks, parts[e], behind[e])
-            context.do(FIELDS, context.predict)
+            context.attempt(FIELDS, context.predict)
             if not alone:
                 context.fields = None  # those of all cases would not fit into memory
             return context
@@ -97,12 +108,41 @@ def run(
         loop.progress.stage(CHECKS)
 
         def finished(context: Context) -> Identification:
-            context.do(CURVE, context.draw_curve)
+            context.attempt(CURVE, context.draw_curve)
             for check in checks:
-                context.do(check.name, partial(check.make, context))
+                context.attempt(check.name, partial(check.make, context))
             return kept(context)
 
         return beside_gpu(finished, contexts, on_gpu)
+
+
+def _pose(flows: Sequence[FlowLike], configs: Sequence[Config], on_gpu: bool) -> list[Case]:
+    """The cases; a repeated flow is read once, and without noise its cases share the data."""
+    keys = [id(flow) if isinstance(flow, Flow) else str(flow) for flow in flows]
+    distinct = dict(zip(keys, flows, strict=True))
+    read = dict(zip(distinct, beside_gpu(sound, list(distinct.values()), on_gpu), strict=True))
+    plain: dict[int | str, Config] = {}
+    for key, config in zip(keys, configs, strict=True):
+        if not config.noise:
+            plain.setdefault(key, config)
+
+    def alone(key: int | str, config: Config) -> Case:
+        return posed(*read[key], config)
+
+    posed_once = beside_gpu(lambda pair: alone(*pair), list(plain.items()), on_gpu)
+    clean = dict(zip(plain, posed_once, strict=True))
+
+    def case(key: int | str, config: Config) -> Case:
+        if config.noise:
+            return alone(key, config)
+        first = clean[key]
+        fixed = fixed_values(config, first.facts)
+        law = LAWS[config.law]
+        member = dataclasses.replace(first.member, seed=config.seed, law=law, fixed=fixed)
+        return dataclasses.replace(first, config=config, member=member)
+
+    pairs = list(zip(keys, configs, strict=True))
+    return beside_gpu(lambda pair: case(*pair), pairs, on_gpu)
 
 
 def with_values(
@@ -150,13 +190,17 @@ def with_values(
 def with_intervals(contexts: Sequence[Context], run: TrainingLoop) -> None:
     """Find the effects of uncertain assumptions, and with them the intervals, as one batch."""
     asked = {c.place: c.uncertain for c in contexts if c.uncertain}
-    found = attempt(lambda: assumptions.trained(asked, run)) if asked else {}
+    found, why = {}, ""
+    try:
+        found = assumptions.trained(asked, run) if asked else {}
+    except Exception as error:
+        why = why_not_done(error)
     for context in contexts:
         if not context.uncertain:
             continue
-        if isinstance(found, NotDone):
-            effects = tuple(a.without_effect(found.why) for a in context.uncertain)
-            result = context.result.without(ASSUMPTIONS, found.why)
+        if why:
+            effects = tuple(a.without_effect(why) for a in context.uncertain)
+            result = context.result.without(ASSUMPTIONS, why)
         else:
             effects = found[context.place]
             result = context.result.with_record(ASSUMPTIONS, None)

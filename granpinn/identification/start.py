@@ -14,7 +14,7 @@ from granpinn.config.toml import to_toml
 from granpinn.estimates.confined import undetermined
 from granpinn.fit import assumptions
 from granpinn.fit.case import Case
-from granpinn.output import OutputError, make_folder, objection_to_folder, write_text
+from granpinn.output import OutputError, make_folder, write_text
 from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
@@ -62,19 +62,16 @@ def start(
     between = sum(len(data.between) + len(data.strip) for data in objective.distinct)
     many += f"{vectors} vectors, " + (f"{between} points between them, " if between else "")
     many += f"{walls} points on walls, " if walls else ""
-    for sampled in dict.fromkeys(case.sampled for case in cases):
-        if sampled is not None:
-            progress.message(sampled)
-    for words in dict.fromkeys(case.member.problem.symmetries for case in cases):
-        if words:
-            progress.message("; ".join(words))
-    if any(case.member.problem.physics.side_wall > 0 for case in cases):
-        progress.message(
-            f"side walls: their friction {config.side_walls.friction:g} is in the equations"
-        )
-    for reason in dict.fromkeys(undetermined(case.seen, config.level) for case in cases):
+    problems = [case.member.problem for case in cases]
+    said = [*(case.sampled for case in cases), *("; ".join(p.symmetries) for p in problems)]
+    if any(problem.physics.side_wall > 0 for problem in problems):
+        friction = config.side_walls.friction
+        said.append(f"side walls: their friction {friction:g} is in the equations")
+    for reason in (undetermined(case.seen, config.level) for case in cases):
         if reason is not None:
-            progress.message(f"warning: no friction coefficient will be determined: {reason}")
+            said.append(f"warning: no friction coefficient will be determined: {reason}")
+    for text in filter(None, dict.fromkeys(said)):
+        progress.message(text)
     progress.message(
         f"{many}{len(objective.pool.surface_points)} surface points, "
         f"{objective.spec.n_params} network parameters, {config.dtype} on {device}"
@@ -102,8 +99,6 @@ def prepare(folder: Path, config: Config) -> Path:
             f"{folder} already holds a run ({taken[0]}): add --resume to continue it, or choose "
             f"another folder"
         )
-    if objection := objection_to_folder(folder):
-        raise ConfigError(f"run_dir {objection}")
     make_folder(folder)
     if not (config.resume and (folder / "config.toml").exists()):
         settings = dataclasses.replace(config, resume=False)

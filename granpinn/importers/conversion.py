@@ -19,13 +19,13 @@ from granpinn.data.flow import (
     WALL_GAP,
     WINDOW,
     Flow,
-    FlowFileWarning,
     Particles,
     Surface,
 )
 from granpinn.data.particles import particle_flow
 from granpinn.data.scaling import scales_of
 from granpinn.data.surface import folded
+from granpinn.errors import FlowFileWarning
 from granpinn.importers import points
 from granpinn.importers import surface as surfaces
 from granpinn.importers.frame import Frame, calibration, frame_of, missing_units, require_agreement

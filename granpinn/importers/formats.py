@@ -10,7 +10,7 @@ from granpinn.data.flow_file import is_flow_file
 from granpinn.importers import arrays, grids, pivlab_mat, tracks
 from granpinn.importers.columns import head_of
 from granpinn.importers.vectors import DataFileError, VectorFields
-from granpinn.output import shell_word
+from granpinn.terminal import shell_word
 
 
 @dataclass(frozen=True)

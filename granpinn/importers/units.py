@@ -12,8 +12,7 @@ from contextlib import suppress
 from functools import cache
 from typing import Any
 
-from granpinn.importers.vectors import DataFileError
-from granpinn.physics.unit_text import MAX_CHARACTERS as MAX_UNIT
+from granpinn.importers.vectors import MAX_UNIT, DataFileError
 
 # A number has at most 64 ASCII characters. Python alone would also accept "1_000", digits of other
 # scripts, and integers of any length, whose conversion takes quadratic time.

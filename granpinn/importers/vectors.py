@@ -20,11 +20,12 @@ from granpinn.data.particles import closed
 from granpinn.data.schema import FRACTION_TOLERANCE
 from granpinn.declared import require_fields
 from granpinn.errors import BadInput
-from granpinn.physics.unit_text import MAX_CHARACTERS, is_short
 
 # Of coordinates and vectors, in any unit. Their squares and products stay finite in float64.
 LARGEST = 1e30
 MAX_FACT = 200  # characters
+MAX_UNIT = 60  # characters
+FORMULA = frozenset("$\\")  # figures would take them for the start of a formula
 MAX_MESSAGE = 600
 # The fact of vectors that are differences of positions in their file: their unit is length / time.
 TRACK_WINDOW = "track_window"
@@ -119,16 +120,17 @@ class VectorFields:
                 )
         self._check_fraction()
         for name in ("length_unit", "time_unit", "velocity_unit"):
-            if not is_short(getattr(self, name) or ""):
+            unit = getattr(self, name) or ""
+            if len(unit) > MAX_UNIT or not unit.isprintable() or FORMULA & set(unit):
                 raise DataFileError(
                     f"the {name.replace('_', ' ')} of the file must be a unit such as mm or px, "
-                    f"got {getattr(self, name)[:MAX_CHARACTERS]!r}: export the file again"
+                    f"got {unit[:MAX_UNIT]!r}: export the file again"
                 )
         for name, text in self.facts.items():
             if len(text) > MAX_FACT or not text.isprintable():
                 raise DataFileError(
                     f"{name} must be at most {MAX_FACT} printable characters, got "
-                    f"{text[:MAX_CHARACTERS]!r}: export the file again"
+                    f"{text[:MAX_UNIT]!r}: export the file again"
                 )
 
     def _check_fraction(self) -> None:

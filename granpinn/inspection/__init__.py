@@ -22,14 +22,12 @@ from granpinn.data.large import slabs, thinned
 from granpinn.data.scaling import initial_height, scales_of
 from granpinn.data.steady import steady_mean
 from granpinn.data.symmetry import with_layer, words
+from granpinn.declared import plain
 from granpinn.estimates import confined
 from granpinn.estimates.body import Body, body_of
 from granpinn.estimates.facts import Facts, InertialNumbers, inertial_numbers
 from granpinn.physics.law_values import CompleteLaw
 from granpinn.physics.scales import Scales
-from granpinn.results import plain
-from granpinn.results.attempt import NotDone, attempt
-from granpinn.results.decoding import encode
 from granpinn.results.record import (
     FLOW,
     GRADES,
@@ -40,6 +38,7 @@ from granpinn.results.record import (
     Reason,
     Record,
     every,
+    why_not_done,
 )
 
 # Some frames are taken evenly from the whole flow: so many at most, and fewer of a large grid.
@@ -100,12 +99,13 @@ class Inspection:
         Raises:
             FlowFileError: the file cannot be read.
         """
-        with np.errstate(all="ignore"):  # what is not finite decides nothing
-            made = attempt(lambda: check.make(self), FlowFileError)
-        if isinstance(made, NotDone):
-            self.not_done[check.name] = made.why
-        elif made is not None:
-            self.records[check.name] = made
+        try:
+            with np.errstate(all="ignore"):  # what is not finite decides nothing
+                record = check.make(self)
+        except Exception as error:
+            self.not_done[check.name] = why_not_done(error, FlowFileError)
+        else:
+            self.records |= {} if record is None else {check.name: record}
 
     @cached_property
     def flow(self) -> Flow:
@@ -131,8 +131,7 @@ class Inspection:
     @cached_property
     def law(self) -> AssumedLaw:
         """The assumed law in the units and over the range of I of the flow."""
-        law = self.given.in_units(self.scales.pressure)
-        return law.at_quantiles(self.inertia.quantiles)
+        return self.given.of_flow(self.scales.pressure, self.inertia.quantiles)
 
     @cached_property
     def undetermined(self) -> str | None:
@@ -261,9 +260,9 @@ class Inspection:
                 "initial_height": self.scales.length,
                 "velocity_scale": self.scales.velocity,
                 "friction_refused_because": self.undetermined,
-                "slips": encode(self.slips),
+                "slips": self.slips,
                 "facts": self.sentences,
-                "checks": {name: encode(record) for name, record in self.records.items()},
+                "checks": self.records,
                 "not_done": self.not_done,
             }
         )

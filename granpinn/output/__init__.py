@@ -2,8 +2,7 @@
 
 from granpinn.output.hdf5 import hdf5_file
 from granpinn.output.ownership import owned
-from granpinn.output.shell import shell_word
-from granpinn.output.targets import OutputError, make_folder, objection_to_file, objection_to_folder
+from granpinn.output.targets import OutputError, make_folder, require_file
 from granpinn.output.writing import naming, replacing, write_bytes, write_text
 
 __all__ = [
@@ -11,11 +10,9 @@ __all__ = [
     "hdf5_file",
     "make_folder",
     "naming",
-    "objection_to_file",
-    "objection_to_folder",
     "owned",
     "replacing",
-    "shell_word",
+    "require_file",
     "write_bytes",
     "write_text",
 ]

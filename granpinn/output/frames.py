@@ -25,35 +25,30 @@ MOST = 8  # threads: HDF5 stores the chunks of no more
 AHEAD = 4  # frames for each thread that wait to be stored
 
 
-class Packer:
-    """Threads that compress the frames of datasets."""
+Frame = Callable[[int], npt.NDArray[Any]]  # the values at frame k; threads call it
 
-    def __init__(self, pool: ThreadPoolExecutor, ahead: int) -> None:
-        self._pool, self._ahead = pool, ahead
 
-    def write(self, dataset: h5py.Dataset, frame: Callable[[int], npt.NDArray[Any]]) -> None:
-        """Write all frames of a dataset with the filters `PACKED` and chunks of one frame.
+@contextmanager
+def packer() -> Iterator[Callable[[h5py.Dataset, Frame], None]]:
+    """Yield a function that writes all frames of a dataset, with a thread for every core at hand.
 
-        Args:
-            frame: the values at frame k; threads call it.
-        """
+    The dataset has the filters `PACKED` and chunks of one frame.
+    """
+    threads = min(MOST, len(os.sched_getaffinity(0)))
+    pool = ThreadPoolExecutor(threads)
+
+    def write(dataset: h5py.Dataset, frame: Frame) -> None:
         dtype, count = dataset.dtype, len(dataset)
         first = (0,) * (dataset.ndim - 1)
         waiting: deque[tuple[int, Future[bytes]]] = deque()
         for k in range(count):
-            waiting.append((k, self._pool.submit(lambda k: packed(frame(k), dtype), k)))
-            while len(waiting) > (self._ahead if k + 1 < count else 0):
+            waiting.append((k, pool.submit(lambda k: packed(frame(k), dtype), k)))
+            while len(waiting) > (AHEAD * threads if k + 1 < count else 0):
                 place, content = waiting.popleft()
                 dataset.id.write_direct_chunk((place, *first), content.result())
 
-
-@contextmanager
-def packer() -> Iterator[Packer]:
-    """Yield a packer with a thread for every core at hand."""
-    threads = min(MOST, len(os.sched_getaffinity(0)))
-    pool = ThreadPoolExecutor(threads)
     try:
-        yield Packer(pool, AHEAD * threads)
+        yield write
     finally:
         pool.shutdown(cancel_futures=True)
 

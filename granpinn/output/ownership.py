@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from granpinn.output.targets import OutputError, failure, make_folder, objection_to_content
+from granpinn.output.targets import OutputError, failure, make_folder, require_plain
 
 LOCK = ".lock"  # it stays in the folder; the system releases the lock when its process ends
 _WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
@@ -36,8 +36,7 @@ def owned(folder: str | os.PathLike[str] | None) -> Iterator[Path | None]:
         return
     made = not Path(folder).exists()
     folder = make_folder(folder)
-    if objection := objection_to_content(folder):
-        raise OutputError(objection)
+    require_plain(folder)
     place, me = folder.resolve(), threading.get_ident()
     with _guard:
         owner = _owners.get(place)

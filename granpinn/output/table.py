@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import NamedTuple
 
@@ -36,6 +36,6 @@ class Table(NamedTuple):
         return "\n".join([*lines, "</table>"])
 
 
-def paragraphs(sentences: Iterable[str]) -> str:
-    """One paragraph of HTML for each sentence."""
-    return "\n".join(f"<p>{escape(text)}</p>" for text in sentences)
+def paragraph(text: str) -> str:
+    """A paragraph of HTML."""
+    return f"<p>{escape(text)}</p>"

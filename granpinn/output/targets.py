@@ -12,7 +12,8 @@ from pathlib import Path
 
 from granpinn.errors import CannotGoOn
 
-_KINDS = {
+_KINDS: dict[int | None, str] = {
+    stat.S_IFREG: "a file",
     stat.S_IFDIR: "a folder",
     stat.S_IFLNK: "a symbolic link",
     stat.S_IFIFO: "a FIFO",
@@ -51,49 +52,42 @@ def failure(path: str | os.PathLike[str], error: OSError) -> OutputError:
     return OutputError(f"{os.fspath(path)} could not be written ({reason}): {advice}", reason)
 
 
-def objection_to_file(path: str | os.PathLike[str]) -> str | None:
-    """Why a file may not be written to `path`, in one sentence; None: it may."""
+def require_file(path: str | os.PathLike[str]) -> Path:
+    """Refuse a path at which no file may be written: OutputError."""
     path = Path(path)
     kind = _kind(path)
-    if kind is not None and kind != stat.S_IFREG:
-        found = _KINDS.get(kind, "no regular file")
-        return f"{path} must be a new file or a regular one, got {found}: choose another name"
+    if kind not in (None, stat.S_IFREG):
+        raise OutputError(
+            f"{path} must be a new file or a regular one, got {_KINDS.get(kind, 'no regular file')}"
+            ": choose another name"
+        )
     if _kind(path.parent, follow=True) != stat.S_IFDIR:
-        return f"{path} must lie in an existing folder: make {path.parent} or choose another one"
-    return None
+        raise OutputError(
+            f"{path} must lie in an existing folder: make {path.parent} or choose another one"
+        )
+    return path
 
 
-def objection_to_folder(path: str | os.PathLike[str]) -> str | None:
-    """Why files may not be written into the folder `path`, in one sentence; None: they may.
-
-    The folder may be missing.
-    """
-    path = Path(path)
-    kind = _kind(path)
-    if kind is None:
-        return None
-    if kind != stat.S_IFDIR:
-        found = "a file" if kind == stat.S_IFREG else _KINDS.get(kind, "no folder")
-        return f"{path} must be a new or existing folder, got {found}: choose another name"
-    return None
-
-
-def objection_to_content(folder: Path) -> str | None:
-    """The link, FIFO or device that lies in a folder, in one sentence; None: plain files alone."""
+def require_plain(folder: Path) -> None:
+    """Refuse a folder that holds a link, a FIFO or a device: OutputError."""
     for place in sorted(folder.iterdir()):
         kind = _kind(place)
         if kind not in (None, stat.S_IFREG, stat.S_IFDIR):
-            found = _KINDS.get(kind or 0, "no regular file")
-            return f"{folder} must hold plain files and folders, got {found}: remove {place}"
-    return None
+            found = _KINDS.get(kind, "no regular file")
+            raise OutputError(
+                f"{folder} must hold plain files and folders, got {found}: remove {place}"
+            )
 
 
 def make_folder(path: str | os.PathLike[str]) -> Path:
     """Make a folder with those above it, unless it is there; OutputError if it cannot be."""
     path = Path(path)
-    objection = objection_to_folder(path)
-    if objection is not None:
-        raise OutputError(objection)
+    kind = _kind(path)
+    if kind not in (None, stat.S_IFDIR):
+        raise OutputError(
+            f"{path} must be a new or existing folder, got {_KINDS.get(kind, 'no folder')}: choose "
+            "another name"
+        )
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

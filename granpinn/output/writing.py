@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from granpinn.output.targets import OutputError, failure, objection_to_file
+from granpinn.output.targets import failure, require_file
 
 
 @contextmanager
@@ -24,10 +24,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises:
         OutputError: `path` is no regular file, or the system cannot write to it.
     """
-    path = Path(path)
-    objection = objection_to_file(path)
-    if objection is not None:
-        raise OutputError(objection)
+    path = require_file(path)
     with naming(path):
         _remove_abandoned(path)
         temporary, handle = _open_temporary(path)

@@ -91,29 +91,18 @@ class CompleteLaw(LawValues):
         for name, value in zip(self.friction_law.names, theta, strict=True):
             object.__setattr__(self, name, value)
 
-    def in_units(self, pressure: float) -> Self:
-        """The law in the units of a material: a cohesion that is not given is typical of it.
+    def of_flow(self, pressure: float, quantiles: Callable[..., list[float] | None]) -> Self:
+        """The law of a flow: what is not given is typical of its pressures and of its range of I.
 
         Args:
-            pressure: rho |g| H of the material.
-        """
-        law = self.friction_law
-        if law.cohesion is None or law.cohesion not in self._missing:
-            return self
-        values = dict(zip(law.names, law.to_physical(self.theta, pressure), strict=True))
-        return type(self)(law=self.law, **values)
-
-    def at_quantiles(self, quantiles: Callable[..., list[float] | None]) -> Self:
-        """The law with the range of I of a flow, where a parameter is a quantile and not given.
-
-        Args:
+            pressure: rho |g| H of the material, the unit of a typical cohesion.
             quantiles: of I in the flow at given levels; None if nothing flows.
         """
         law = self.friction_law
+        values = dict(zip(law.names, self.theta, strict=True))
+        if law.cohesion is not None and law.cohesion in self._missing:
+            values[law.cohesion] *= pressure
         levels = {name: level for name, level in law.quantiles.items() if name in self._missing}
         found = quantiles(*levels.values()) if levels else None
-        if found is None:
-            return self
-        values = dict(zip(law.names, self.theta, strict=True))
-        values |= dict(zip(levels, found, strict=True))
+        values |= {} if found is None else dict(zip(levels, found, strict=True))
         return type(self)(law=self.law, **values)

@@ -22,21 +22,6 @@ Values = TypeVar("Values")
 
 
 @dataclass(frozen=True)
-class EquationConstants:
-    r"""The constants of the material in the equations, dimensionless.
-
-    `grain_diameter` is $d \sqrt{\rho_g / \rho} / H_0$: the equations have one density, the bulk
-    density $\rho = 1$, but the inertial number $I = d \dot\gamma / \sqrt{p / \rho_g}$ has that of
-    a grain. The paper sets both equal, as does a file without `grain_density`.
-    """
-
-    grain_diameter: float
-    gravity: tuple[float, float]
-    eta_min: float | None
-    eta_max: float | None
-
-
-@dataclass(frozen=True)
 class Scales:
     """Units of length, velocity, time and pressure, each in the units of the flow file.
 

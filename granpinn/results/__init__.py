@@ -1,18 +1,15 @@
 """The result of a run and its files results.json and fields.h5.
 
 In reading order: parameters (of a law, with their errors, and what a narrow range of I leaves),
-records (data, training, ensemble, error bars), identified_law (its curve over the I of the
-data), record (what a check leaves), assessment (may the numbers be used?), result (all of it),
-results_file (results.json), decoding (the JSON), attempt (parts that may fail
-alone), fields (and which of their points flow).
+record (what a check leaves), records (the curve, data, training, ensemble, error bars), assessment
+(may the numbers be used?), result (all of it), results_file (results.json), fields (and which of
+their points flow).
 """
 
 from granpinn.results.assessment import Assessment
-from granpinn.results.decoding import plain
 from granpinn.results.fields import Fields, FieldsFileError, read_fields, write_fields
-from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.parameters import Covariance, ErrorPercent, Parameter, Parameters, Residuals
-from granpinn.results.records import DataSummary, Input, Timing, versions
+from granpinn.results.records import DataSummary, IdentifiedLaw, Input, Timing, versions
 from granpinn.results.result import Result, number
 from granpinn.results.results_file import (
     ResultsFileError,
@@ -38,7 +35,6 @@ __all__ = [
     "Timing",
     "from_dict",
     "number",
-    "plain",
     "read_fields",
     "read_results",
     "versions",

@@ -181,9 +181,7 @@ def _widths(r: Result) -> list[tuple[float, str]]:
     if curve is not None and curve.low is not None and curve.high is not None:
         halves = [*map(half_width, zip(curve.low, curve.high, strict=True))]
         half = max(halves)
-        at = f"{curve.band(0)} at I = {curve.I[0]:.2g}"
-        if curve.I[-1] > curve.I[0]:
-            at += f" to {curve.band(-1)} at I = {curve.I[-1]:.2g}"
+        at = curve.at_ends(curve.band)
         words = f"mu(I) is known to {_words(half)}: {at} (90 % intervals)"
         if half > USELESS:
             at = f"I = {curve.I[halves.index(half)]:.2g}"

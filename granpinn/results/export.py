@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granpinn.arrays import Float64
+from granpinn.declared import plain
 from granpinn.errors import BadInput
 from granpinn.output.templates import environment
 from granpinn.results.assessment import reach_of
-from granpinn.results.decoding import encode
 from granpinn.results.parameters import NOT_DETERMINED
 from granpinn.results.record import BAD
 
@@ -135,7 +135,7 @@ def _numbers(result: Result, to: str) -> dict[str, Any]:
 
 def _json(result: Result) -> str:
     names, data = result.friction_law.names, result.data
-    parameters = {name: encode(p) for name, p in result.parameters.items()}
+    parameters = {name: plain(p) for name, p in result.parameters.items()}
     for lost in (p for p in parameters.values() if p["undetermined"]):
         lost["value"] = None
     material = ("grain_diameter", "density", "grain_density", "length_unit", "density_unit")
@@ -147,6 +147,6 @@ def _json(result: Result) -> str:
         "I_range": result.law.I_range,
         "material": {name: getattr(data, name) for name in material},
         "draws": dict(zip(names, draws_of(result).T.tolist(), strict=True)),
-        "assessment": encode(result.assessment),
+        "assessment": plain(result.assessment),
     }
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"

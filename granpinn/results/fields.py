@@ -18,9 +18,9 @@ D2 is used: differences of noise are large even in grains at rest.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -34,14 +34,20 @@ from granpinn.data.hdf5 import Hdf5File, read_hdf5
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
-from granpinn.output.frames import PACKED, Packer, packer
+from granpinn.output.frames import PACKED, packer
 from granpinn.regular import MissingFileError, UnsafeFileError
 
 FORMAT_NAME = "granpinn-fields"
 FORMAT_VERSION = 1
+D2_STAGNANT = 0.05  # in units of sqrt(|g| / H0)
 MAX_BYTES = 2**34  # all variables of a flow file of the largest size
 
 # name -> (kind of quantity, description); `Units.of` turns the kind into a unit.
+AXES = {
+    "t": ("time", "time"),
+    "y": ("length", "upward position"),
+    "x": ("length", "position to the right"),
+}
 VARIABLES = {
     "u": ("velocity", "predicted velocity along x"),
     "v": ("velocity", "predicted velocity along y"),
@@ -58,6 +64,7 @@ VARIABLES = {
     "v_reference": ("velocity", "velocity along y in the flow file"),
     "p_reference": ("pressure", "reference pressure in the flow file"),
 }
+DESCRIBED = {**AXES, "c": ("number", "volume fraction of grains"), **VARIABLES}
 
 
 class FieldsFileError(BadInput):
@@ -149,7 +156,9 @@ class Fields:
         return self.t[self.index // (self.y.size * self.x.size)]
 
     def frame(self, name: str, k: int) -> Float32:
-        """One variable at frame k [Y, X], NaN outside the grains."""
+        """One variable at frame k [Y, X], NaN outside the grains; c everywhere."""
+        if name == "c":
+            return np.asarray(self.c[k])
         size = self.y.size * self.x.size
         first, last = np.searchsorted(self.index, (k * size, (k + 1) * size))
         grid = np.full(size, np.nan, np.float32)
@@ -167,79 +176,62 @@ def fields_dataset(fields: Fields) -> Any:
     """The fields as an xarray.Dataset over (t, y, x): NaN outside the grains, units in `attrs`."""
     import xarray  # slow to import
 
-    units = fields.units
-    axes = {
-        name: (name, getattr(fields, name), _attributes(units.of(kind), long_name))
-        for name, kind, long_name in (
-            ("t", "time", "time"),
-            ("y", "length", "upward position"),
-            ("x", "length", "position to the right"),
-        )
-    }
-    described = {"c": (fields.c, "number", "volume fraction of grains")}
-    for name, (kind, long_name) in VARIABLES.items():
-        if name in fields.values:
-            described[name] = (fields.grid(name), kind, long_name)
+    axes = {name: (name, getattr(fields, name), _description(fields, name)) for name in AXES}
     variables = {
-        name: (("t", "y", "x"), values, _attributes(units.of(kind), long_name))
-        for name, (values, kind, long_name) in described.items()
+        name: (
+            tuple(AXES),
+            fields.c if name == "c" else fields.grid(name),
+            _description(fields, name),
+        )
+        for name in _on_file(fields)
     }
     scales = {f"{name}_scale": getattr(fields, name) for name in ("length", "time", "pressure")}
     return xarray.Dataset(variables, axes, scales)
 
 
-def _attributes(unit: str | None, long_name: str) -> dict[str, str]:
+def _on_file(fields: Fields) -> list[str]:
+    """The names of the fields that there are, in the order of the file."""
+    return ["c", *(name for name in VARIABLES if name in fields.values)]
+
+
+def _description(fields: Fields, name: str) -> dict[str, str]:
+    """The attributes of an axis or a variable."""
+    kind, long_name = DESCRIBED[name]
+    unit = fields.units.of(kind)
     return {"long_name": long_name} | ({} if unit is None else {"units": unit})
 
 
 def write_fields(fields: Fields, path: str | Path) -> None:
     """Write fields.h5 by frames: no more than a few dozen of them are in memory."""
-    with hdf5_file(path) as file, packer() as threads:
-        _write_attributes(fields, file.attrs)
-        axes = []
-        for name, kind in (("t", "time"), ("y", "length"), ("x", "length")):
-            axes.append(file.create_dataset(name, data=getattr(fields, name)))
-            _describe(axes[-1], fields.units.of(kind), None)
-            axes[-1].make_scale(name)
-        for name in ("c", *(name for name in VARIABLES if name in fields.values)):
-            _write_variable(file, fields, name, axes, threads)
+    units = fields.units
+    attributes: dict[str, Any] = {
+        "format_name": FORMAT_NAME,
+        "format_version": FORMAT_VERSION,
+        "length_unit": units.length,
+        "time_unit": units.time,
+        **({} if units.density is None else {"density_unit": units.density}),
+        **({STEADY: 1} if fields.steady else {}),
+        "length_scale": fields.length,
+        "time_scale": fields.time,
+        "pressure_scale": fields.pressure,
+    }
+    with hdf5_file(path) as file, packer() as write:
+        _write_attributes(file, attributes)
+        for name in AXES:
+            file.create_dataset(name, data=getattr(fields, name)).make_scale(name)
+            _write_attributes(file[name], _description(fields, name))
+        chunks = (1, fields.y.size, fields.x.size)
+        for name in _on_file(fields):
+            dataset = file.create_dataset(name, fields.shape, np.float32, chunks=chunks, **PACKED)
+            _write_attributes(dataset, _description(fields, name))
+            for dimension, axis in zip(dataset.dims, AXES, strict=True):
+                dimension.attach_scale(file[axis])
+            write(dataset, partial(fields.frame, name))
 
 
-def _write_variable(
-    file: h5py.File, fields: Fields, name: str, axes: Sequence[h5py.Dataset], threads: Packer
-) -> None:
-    kind, long_name = VARIABLES.get(name, ("number", "volume fraction of grains"))
-    dataset = file.create_dataset(
-        name,
-        shape=fields.shape,
-        dtype=np.float32,
-        chunks=(1, fields.y.size, fields.x.size),
-        **PACKED,
-    )
-    _describe(dataset, fields.units.of(kind), long_name)
-    for dimension, axis in zip(dataset.dims, axes, strict=True):
-        dimension.attach_scale(axis)
-    threads.write(dataset, lambda k: fields.c[k] if name == "c" else fields.frame(name, k))
-
-
-def _describe(dataset: h5py.Dataset, unit: str | None, long_name: str | None) -> None:
-    for name, text in (("units", unit), ("long_name", long_name)):
-        if text is not None:
-            dataset.attrs[name] = np.bytes_(text.encode())
-
-
-def _write_attributes(fields: Fields, attributes: h5py.AttributeManager) -> None:
-    attributes["format_name"] = np.bytes_(FORMAT_NAME)
-    attributes["format_version"] = FORMAT_VERSION
-    attributes["length_unit"] = np.bytes_(fields.units.length.encode())
-    attributes["time_unit"] = np.bytes_(fields.units.time.encode())
-    if fields.units.density is not None:
-        attributes["density_unit"] = np.bytes_(fields.units.density.encode())
-    if fields.steady:
-        attributes[STEADY] = 1
-    attributes["length_scale"] = fields.length
-    attributes["time_scale"] = fields.time
-    attributes["pressure_scale"] = fields.pressure
+def _write_attributes(place: h5py.File | h5py.Dataset, attributes: Mapping[str, Any]) -> None:
+    for name, value in attributes.items():
+        place.attrs[name] = np.bytes_(value.encode()) if isinstance(value, str) else value
 
 
 @checked
@@ -304,9 +296,6 @@ def _on_grid(file: Hdf5File, name: str, shape: tuple[int, int, int]) -> Float32:
             f"{name} must be {shape} like t, y, x, got {values.shape}: predict again"
         )
     return values.astype(np.float32, copy=False)
-
-
-D2_STAGNANT = 0.05  # in units of sqrt(|g| / H0)
 
 
 def after_start(fields: Fields) -> Bool:

@@ -9,18 +9,24 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Callable, Mapping
+from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from granpinn.errors import memory_sentence
+from granpinn.output import OutputError
 from granpinn.output.table import Table as Table  # checks take it from here
+from granpinn.terminal import visible
 
 if TYPE_CHECKING:
     from granpinn.config import Config
 
 FLOW, FIT = "granpinn.inspection", "granpinn.checks"
+PENDING = "the run ended before it; --resume continues there"
+LONGEST = 300  # characters of the message of an error
 NONE, QUICK, ALL = "none", "quick", "all"  # words of --checks
 GOOD, CARE, BAD = "good", "care", "do not use"  # of a result
 # Of a flow. Training refuses what is impossible: it contradicts a conservation law. Where a flow is
@@ -77,7 +83,7 @@ class Record:
         return []
 
     def figures(self) -> Mapping[str, tuple[str, Callable[[Any], Any]]]:
-        """File name -> title and drawing function of a `figures.album.Source` or inspection."""
+        """File name -> title and drawing function of an `Identification` or inspection."""
         return {}
 
     def __str__(self) -> str:
@@ -120,6 +126,24 @@ class Check:
         """Whether the settings name this check, or ask for it by its flag."""
         flag = self.flag is not None and bool(getattr(config, self.flag, False))
         return flag or self.name in config.checks.split(",")
+
+
+def why_not_done(error: Exception, *fatal: type[Exception]) -> str:
+    """Why a part that follows the values of a run was not done, in one line.
+
+    The values are on the disk before it. So any error of it, a bug included, is a sentence.
+
+    Raises:
+        error: a file cannot be written, and so no later one; the run is stopping; or it is of a
+            class of `fatal`.
+    """
+    if isinstance(error, (OutputError, CancelledError, *fatal)):
+        raise error
+    memory = memory_sentence(error)
+    text = visible(" ".join((memory or str(error)).split()))[:LONGEST]
+    if memory or type(error).__module__.partition(".")[0] == "granpinn":
+        return text
+    return f"{type(error).__name__}{f': {text}' if text else ''}"
 
 
 def names(room: str) -> list[str]:

@@ -1,12 +1,17 @@
-"""Records of results.json beside the values: data, training, ensemble and error bars."""
+"""Records of results.json beside the values: the law, data, training, ensemble and error bars."""
 
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
 
+from granpinn.physics.laws import DEFAULT
+from granpinn.results.parameters import NOT_DETERMINED, USELESS, half_width
 from granpinn.results.record import Reason
+
+Numbers = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,95 @@ class LawPoints:
     I: tuple[float, ...]
     log_mu: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """mu over I, evenly in log I; [n] each.
+
+    Attributes:
+        I: inertial numbers.
+        mu: friction of the identified law.
+        low, high: its pointwise 90 % band; None where it is not determined.
+    """
+
+    I: Numbers
+    mu: Numbers
+    low: Numbers | None = None
+    high: Numbers | None = None
+
+    def band(self, k: int) -> str:
+        """mu and its band at the point k, in words."""
+        if self.low is None or self.high is None:
+            return f"{self.mu[k]:.3f}"
+        if not self.determines(k):
+            return NOT_DETERMINED
+        return f"{self.mu[k]:.3f} ({self.low[k]:.3f} to {self.high[k]:.3f})"
+
+    def determines(self, k: int) -> bool:
+        """Whether the band at the point k, if there is one, is narrow enough to mean something."""
+        if self.low is None or self.high is None:
+            return True
+        return half_width((self.low[k], self.high[k])) <= USELESS
+
+    def at_ends(self, words: Callable[[int], str]) -> str:
+        """`words` of the points at both ends of the range of I."""
+        ends = [0, -1] if self.I[-1] > self.I[0] else [0]
+        said, places = [words(k) for k in ends], [f"{self.I[k]:.2g}" for k in ends]
+        if len({*said}) == 1:
+            return f"{said[0]} at I = {' to '.join(places)}"
+        return " to ".join(f"{mu} at I = {I}" for mu, I in zip(said, places, strict=True))
+
+    @property
+    def half_width(self) -> float | None:
+        """Half of the band at its widest place."""
+        if self.low is None or self.high is None:
+            return None
+        return max(high - low for low, high in zip(self.low, self.high, strict=True)) / 2
+
+
+@dataclass(frozen=True)
+class StressPoints:
+    """|tau|/p in the fields of the fit over I, where grains shear, in bins of log I; [n] each.
+
+    Attributes:
+        I: median of the inertial numbers of a bin.
+        mu, low, high: median, 16th and 84th percentile of |tau|/p.
+        count: of the points of a bin.
+    """
+
+    I: Numbers
+    mu: Numbers
+    low: Numbers
+    high: Numbers
+    count: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class IdentifiedLaw:
+    """The identified law over the inertial numbers that the data hold (uncertainty/determined.py).
+
+    Attributes:
+        name: of the law (`granpinn.physics.laws.LAWS`).
+        I_range: 5th and 95th percentile of I over the points that shear; None without any.
+        curve: of the law over `I_range`, and nothing beyond; None where it is not determined.
+        points: |tau|/p of the fit.
+        reason: why the curve, or its band, is not determined, in words; None if it has both.
+    """
+
+    name: str = DEFAULT.name
+    I_range: tuple[float, float] | None = None
+    curve: Curve | None = None
+    points: StressPoints | None = None
+    reason: str | None = None
+
+    @property
+    def words(self) -> str:
+        """The curve at both ends of the range of I, or why it is not known."""
+        if self.curve is None:
+            return f"{NOT_DETERMINED}: {self.reason}" if self.reason else NOT_DETERMINED
+        reason = f"; the error is not known: {self.reason}"
+        return self.curve.at_ends(self.curve.band) + (reason if self.curve.low is None else "")
 
 
 @dataclass(frozen=True)

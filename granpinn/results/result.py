@@ -26,15 +26,13 @@ import numpy as np
 from granpinn.arrays import Float64, Floats
 from granpinn.config import Level
 from granpinn.data import Truth
+from granpinn.declared import plain
 from granpinn.output import write_text
-from granpinn.output.table import Table, paragraphs
+from granpinn.output.table import Table, paragraph
 from granpinn.physics.laws import LAWS, FrictionLaw
-from granpinn.physics.rheology import by_parameters
 from granpinn.physics.terms import Form
 from granpinn.results import export
 from granpinn.results.assessment import Assessment, assess, evidence, reach_of
-from granpinn.results.decoding import encode, plain
-from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.parameters import (
     FIELD_ERRORS,
     NOT_DETERMINED,
@@ -50,6 +48,7 @@ from granpinn.results.records import (
     Assumed,
     DataSummary,
     ErrorBars,
+    IdentifiedLaw,
     Input,
     Members,
     Timing,
@@ -166,10 +165,9 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values; non-finite numbers in it are None."""
-        content = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION}
-        content |= {"assessment": encode(self.assessment), "law": None}
-        values: dict[str, Any] = plain(content | encode(self))
-        return values
+        content: dict[str, Any] = {"format_name": FORMAT_NAME, "format_version": FORMAT_VERSION}
+        content |= {"assessment": plain(self.assessment), "law": None}
+        return {**content, **plain(self)}
 
     def __repr__(self) -> str:
         """One line: the input, the level and the parameters."""
@@ -198,16 +196,23 @@ class Result:
 
     def summary(self) -> str:
         """All that is known as text: tables, every check, and the assessment at the end."""
-        parts = [*self.table.lines(), *self._facts(), *map(str, self.checks.values())]
-        return "\n".join([*parts, *self._missing(), f"assessment: {self.assessment}"])
+        lines = [
+            line
+            for part in self._parts()
+            for line in (part.lines() if isinstance(part, Table) else [part])
+        ]
+        return "\n".join([*lines, f"assessment: {self.assessment}"])
 
     def _repr_html_(self) -> str:
         """The same for notebooks, with the assessment first."""
-        parts = [paragraphs([str(self.assessment)]), self.table.html(), paragraphs(self._facts())]
-        for record in self.checks.values():
-            parts.append(paragraphs([record.words]))
-            parts += [] if record.table is None else [record.table.html()]
-        return "\n".join([*parts, paragraphs(self._missing())])
+        parts = [
+            part.html() if isinstance(part, Table) else paragraph(part) for part in self._parts()
+        ]
+        return "\n".join([paragraph(str(self.assessment)), *parts])
+
+    def _parts(self) -> list[str | Table]:
+        checks = [part for c in self.checks.values() for part in (c.words, c.table) if part]
+        return [self.table, *self._facts(), *checks, *self._missing()]
 
     @property
     def table(self) -> Table:
@@ -234,7 +239,7 @@ class Result:
         parts: list[object] = [
             f"{' and '.join(names)} {NOT_DETERMINED}: {why}" for why, names in lost.items()
         ]
-        parts += [] if self.law.I_range is None else [self.law]
+        parts += [] if self.law.I_range is None else [f"mu(I) = {self.law.words}"]
         return list(map(str, [*parts, *self.flows, *self.assumptions]))
 
     def _missing(self) -> list[str]:
@@ -282,7 +287,7 @@ def friction_sd(I: Floats, result: Result, covariance: Covariance) -> Floats:
     $$ \sigma_\mu^2 = J\,C\,J^T, \quad J = \partial \mu / \partial \theta. $$
     """
     law = result.friction_law
-    rows = by_parameters(law, np.asarray(I, np.float64), result.theta)
+    rows = law.by_parameters(np.asarray(I, np.float64), result.theta)
     J = rows[:, [law.names.index(name) for name in covariance.names]]
     variance = np.einsum("ni,ij,nj->n", J, np.array(covariance.matrix), J)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
@@ -299,7 +304,7 @@ def brief(result: Result) -> list[str]:
         "   ".join(cell.ljust(w) for cell, w in zip(row, wide, strict=True) if w).rstrip()
         for row in rows
     ]
-    made.append(f"mu(I)   {_curve(result)}")
+    made.append(f"mu(I)   {_curve(result.law)}")
     made += [f"flow    {flow}" for flow in result.flows]
     made.append(f"{result.assessment.grade.upper():4s}    {evidence(result)}")
     return made
@@ -318,25 +323,18 @@ def _row(result: Result, name: str, p: Parameter) -> list[str]:
     return [f"{name:5s}", value, "" if true is None else f"true {_short(true)}", "".join(notes)]
 
 
-def _curve(result: Result) -> str:
+def _curve(law: IdentifiedLaw) -> str:
     """mu at both ends of the I of the data, with half of the 90 % interval."""
-    law, curve = result.law, result.law.curve
-    if curve is None:
-        return f"{NOT_DETERMINED}: {law.reason}" if law.reason else NOT_DETERMINED
-    ends = [0, -1] if curve.I[-1] > curve.I[0] else [0]
-    if not any(map(curve.determines, ends)):
-        return f"{NOT_DETERMINED} at I = {' to '.join(f'{curve.I[k]:.2g}' for k in ends)}"
-    words = []
-    for k in ends:
-        if not curve.determines(k):
-            words.append(f"{NOT_DETERMINED} at I = {curve.I[k]:.2g}")
-            continue
-        mu = _short(curve.mu[k])
-        if curve.low is not None and curve.high is not None:
-            mu += f" +- {_short((curve.high[k] - curve.low[k]) / 2)}"
-        words.append(f"{mu} at I = {curve.I[k]:.2g}")
-    reason = f"; the error is not known: {law.reason}" if curve.low is None and law.reason else ""
-    return " to ".join(words) + reason
+    curve = law.curve
+    if curve is None or curve.low is None or curve.high is None:
+        return law.words
+    half = [(high - low) / 2 for low, high in zip(curve.low, curve.high, strict=True)]
+
+    def words(k: int) -> str:
+        known = f"{_short(curve.mu[k])} +- {_short(half[k])}"
+        return known if curve.determines(k) else NOT_DETERMINED
+
+    return curve.at_ends(words)
 
 
 def _short(value: float) -> str:

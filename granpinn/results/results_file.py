@@ -7,10 +7,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from granpinn.declared import checked
+from granpinn.declared import checked, decoded, parsed
 from granpinn.errors import BadInput
 from granpinn.output import write_text
-from granpinn.results.decoding import decode, read_json
+from granpinn.regular import read_text
 from granpinn.results.record import record_type
 from granpinn.results.result import FORMAT_NAME, FORMAT_VERSION, Result
 
@@ -32,7 +32,7 @@ def read_results(path: str | Path) -> Result:
     """Read and validate results.json; the message of ResultsFileError is one sentence."""
     path = Path(path)
     try:
-        content = read_json(path)
+        content = parsed(read_text(path))
     except FileNotFoundError:
         raise ResultsFileError(
             f"{path} does not exist: give the folder of a finished run of granpinn.train"
@@ -58,7 +58,7 @@ def from_dict(content: Any, where: str = "the result") -> Result:
         checks = content.pop("checks", {})
         if not isinstance(checks, dict):
             raise ValueError(f"checks must be an object, got {checks!r}")
-        records = {k: decode(record_type(k), v, f"checks.{k}") for k, v in checks.items()}
-        return dataclasses.replace(decode(Result, content), checks=records)
+        records = {k: decoded(v, record_type(k), f"checks.{k}") for k, v in checks.items()}
+        return dataclasses.replace(decoded(content, Result), checks=records)
     except ValueError as error:
         raise ResultsFileError(f"{where}: {error}") from None

@@ -48,8 +48,8 @@ class Collapse(Scene):
         def __init__(self, *theta: float | None, law: str = "", **settings: Any) -> None: ...
 
     def _check(self) -> None:
-        if len(self.gravity) != 2 or self.gravity[1] > -SIZE["low"]:
-            raise ConfigError(f"gravity must be two numbers and point down, got {self.gravity}")
+        if self.gravity[1] > -SIZE["low"]:
+            raise ConfigError(f"gravity must point down, got {self.gravity}")
         if self.cells % CELLS_MULTIPLE:
             raise ConfigError(f"cells must be a multiple of {CELLS_MULTIPLE}, got {self.cells}")
         width, height = self.box

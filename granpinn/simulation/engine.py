@@ -20,7 +20,7 @@ import numpy as np
 from granpinn import _collapse
 from granpinn.arrays import Float64
 from granpinn.errors import CannotGoOn
-from granpinn.physics.side_walls import coefficient
+from granpinn.physics.constants import side_wall
 from granpinn.simulation.scene import Scene
 
 MARGIN = 8  # cells of air around the grains
@@ -143,7 +143,7 @@ def solver_parameters(scene: Scene) -> _collapse.Parameters:
         values[name] = getattr(scene, name)
     if scene.wall_gap is not None:
         assert scene.wall_friction is not None  # resolved
-        values["side_wall"] = coefficient(scene.wall_friction, scene.wall_gap)
+        values["side_wall"] = side_wall(scene.wall_friction, scene.wall_gap)
         fall = math.sqrt(math.hypot(*scene.gravity) * scene.height)
         values["side_wall_speed"] = SLOWEST_ON_WALLS * fall
     for name, value in values.items():

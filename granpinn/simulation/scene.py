@@ -17,7 +17,6 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.config import ConfigError, SideWalls, setting
 from granpinn.config.fields import settings_of
-from granpinn.config.values import typed
 from granpinn.physics.law_values import CompleteLaw
 
 # The paper's column: 10 high and 1 wide under g = 1, with eta_max = 1e4 and air of 1e-4.
@@ -102,9 +101,7 @@ class Scene(CompleteLaw, ABC):
     def __post_init__(self) -> None:
         own: type = type(self)
         for name, stated in settings_of(own).items():
-            value = typed(getattr(self, name), stated.kind, name)
-            stated.check(value, name)
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, stated.check(getattr(self, name), name))
         try:
             super().__post_init__()
         except ValueError as error:

@@ -30,7 +30,6 @@ from torch import Tensor
 
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import FrictionLaw
-from granpinn.physics.rheology import inertial_number
 
 SMOOTHING = 1e-12  # gamma_dot^2 + SMOOTHING, as in training
 PRESSURE_ERROR = 5e-4  # delta p, a plausible error of the pressure
@@ -80,22 +79,18 @@ def residuals(
     local = two_D1**2 + two_D2**2 + SMOOTHING
     mean = (u[4] - v[5]) ** 2 + (u[5] + v[4]) ** 2 + SMOOTHING
     if kept is None:
-        part = ill_posed(_inertial_number(local.sqrt(), p, physics), theta, law)
+        part = ill_posed(physics.inertial_number(local.sqrt(), p), theta, law)
         gamma_dot = torch.sqrt(local + part * (mean - local))
         kept = torch.stack([law_weights(p.detach(), gamma_dot.detach()), part], 1)
     else:
         gamma_dot = torch.sqrt(local + kept[:, 1] * (mean - local))
-    mu = law.friction(_inertial_number(gamma_dot, p, physics), *theta.unbind(1))
+    mu = law.friction(physics.inertial_number(gamma_dot, p), *theta.unbind(1))
     # gamma_dot p / Y with the yield stress Y = c + mu p (csrc/math/cohesion.h)
     rate = gamma_dot * p / (law.cohesion_of(theta.T) + mu * p) if law.cohesion else gamma_dot / mu
     limit = (1 + (gamma_dot / physics.law_rate) ** 2).rsqrt()
     law_errors = (limit * (rate * s[0] - two_D) for s, two_D in ((s_1, two_D1), (s_2, two_D2)))
     e = [e_u, e_v, u[1] + v[2], *law_errors]
     return torch.stack(e, 1), kept
-
-
-def _inertial_number(gamma_dot: Tensor, p: Tensor, physics: Physics) -> Tensor:
-    return inertial_number(gamma_dot, p, physics.grain_diameter, physics.pressure_floor)
 
 
 def ill_posed(I: Tensor, theta: Tensor, law: FrictionLaw) -> Tensor:

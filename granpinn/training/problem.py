@@ -30,13 +30,12 @@ from dataclasses import dataclass, replace
 from granpinn.config import Config
 from granpinn.data import Flow, TrainingSet
 from granpinn.data.flow import SOLVER_CELL, SOLVER_MEAN, WALL_GAP, WINDOW
-from granpinn.data.scaling import equation_constants, side_wall_of
+from granpinn.data.scaling import inertial_diameter, side_wall_of
 from granpinn.data.symmetry import axes_of, words
 from granpinn.estimates.facts import Facts
 from granpinn.kernels.network import OUTPUTS, NetworkSpec
-from granpinn.physics.constants import Physics
+from granpinn.physics.constants import AT_REST, Physics
 from granpinn.physics.scales import Scales
-from granpinn.physics.side_walls import AT_REST
 from granpinn.physics.terms import LAW, TERMS
 
 RESOLVED = 1000.0  # n
@@ -146,16 +145,17 @@ def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
         U_out = float(data.velocity.square().mean().sqrt()) or 1.0
         P_out = config.network.pressure_scale
     scale = [0.0 if same else f for same, f in zip(facts.invariant, scale, strict=True)]
-    material = equation_constants(flow, scales)
     sigmas = sigmas_of(config, scales, facts)
     g_x, g_y = axes_of(flow).gravity
     between_walls = flow.stated(WALL_GAP) is not None
     physics = Physics(
-        grain_diameter=material.grain_diameter,
+        grain_diameter=inertial_diameter(flow, scales),
         g_x=g_x,
         g_y=g_y,
-        eta_min=material.eta_min or 0.0,
-        eta_max=math.inf if material.eta_max is None else material.eta_max,
+        eta_min=scales.to_dimensionless(flow.eta_min or 0.0, "viscosity"),
+        eta_max=scales.to_dimensionless(
+            math.inf if flow.eta_max is None else flow.eta_max, "viscosity"
+        ),
         velocity_scale=U_out,
         pressure_scale=P_out,
         pressure_floor=config.rheology.p_floor,

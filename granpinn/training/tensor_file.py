@@ -8,22 +8,23 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import TypeVar
+from dataclasses import asdict
+from typing import Any, TypeVar
 
 from safetensors import SafetensorError
 from safetensors import torch as safetensors
 from torch import Tensor
 
-from granpinn.results.decoding import decode, encode, parsed
+from granpinn.declared import decoded, parsed
 
 LENGTH = 8  # bytes at the start of a safetensors file: the length of its JSON header
 T = TypeVar("T")
 
 
-def packed(name: str, version: int, record: object, tensors: Mapping[str, Tensor]) -> bytes:
+def packed(name: str, version: int, record: Any, tensors: Mapping[str, Tensor]) -> bytes:
     """The content of a file of a format; infinite numbers must be in the tensors."""
     head = {"format_name": name, "format_version": version}
-    text = json.dumps(head | encode(record), allow_nan=False)
+    text = json.dumps(head | asdict(record), allow_nan=False)
     plain = {key: tensor.cpu().contiguous() for key, tensor in tensors.items()}
     return safetensors.save(plain, {"granpinn": text})
 
@@ -39,4 +40,4 @@ def unpacked(content: bytes, name: str, version: int, kind: type[T]) -> tuple[T,
     found = named.pop("format_name", None), named.pop("format_version", None)
     if found != (name, version):
         raise ValueError(f"expected {name} version {version}, got {found[0]} version {found[1]}")
-    return decode(kind, named), tensors
+    return decoded(named, kind), tensors

@@ -29,8 +29,8 @@ import numpy as np
 from granpinn.arrays import Floats
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameters, Result
-from granpinn.results.identified_law import Curve, IdentifiedLaw, StressPoints
 from granpinn.results.parameters import USELESS, half_width, spans
+from granpinn.results.records import Curve, IdentifiedLaw, StressPoints
 from granpinn.results.result import NORMAL_90, friction_sd
 from granpinn.uncertainty import error_bars, error_model
 from granpinn.uncertainty.error_model import Known, Pair, ends_of, interval

@@ -32,7 +32,6 @@ quantity. `outside` names these quantities.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,7 +44,7 @@ from scipy import special
 from scipy.linalg import block_diag
 
 from granpinn.arrays import Float64
-from granpinn.results.decoding import decode
+from granpinn.declared import decoded, parsed
 
 Pair = tuple[float, float]
 
@@ -206,7 +205,7 @@ class ErrorModel:
 @cache
 def load(path: Path = PATH) -> ErrorModel:
     """The model; ValueError names the error in a file."""
-    return decode(ErrorModel, json.loads(path.read_text(encoding="utf-8")))
+    return decoded(parsed(path.read_bytes()), ErrorModel)
 
 
 def quantities(known: Known) -> dict[str, float]:

@@ -28,7 +28,6 @@ from scipy.linalg import block_diag
 from granpinn.arrays import Float64
 from granpinn.errors import CannotGoOn
 from granpinn.physics.laws import DEFAULT, FrictionLaw
-from granpinn.physics.rheology import by_parameters
 from granpinn.results import Result
 from granpinn.results.records import LawPoints
 from granpinn.uncertainty.curve_error import between
@@ -110,7 +109,7 @@ def one_law(results: Sequence[Result]) -> OneLaw:
         unknown = [f for f, r in zip(flows, results, strict=True) if points_of(r) is None]
         if (reason := too_noisy(unknown)) is not None:
             words += reason
-        elif np.linalg.matrix_rank(by_parameters(wider, wide.I, results[0].theta)) < 3:
+        elif np.linalg.matrix_rank(wider.by_parameters(wide.I, results[0].theta)) < 3:
             words += "all flows have the same range of I"
         else:
             found = fit(wide.y, wide.C, wide.I, wider, results[0].theta, wide.points)
@@ -251,7 +250,7 @@ def _descend(
         mu_s, rise, I0 = np.exp(q)
         at = np.array([mu_s, mu_s + rise, I0])
         mu = law.friction(I, *at)
-        slopes = by_parameters(law, I, at) / mu[:, None]
+        slopes = law.by_parameters(I, at) / mu[:, None]
         rest = white @ (y - np.log(mu))
         by_q = slopes @ np.array([[mu_s, 0, 0], [mu_s, rise, 0], [0, 0, I0]])
         step = np.linalg.lstsq(white @ by_q[:, free], rest, rcond=None)[0]

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from bench.studies.reliability import kills, runs
-from tests.command.pageless import pageless
+from tests.commands.pageless import pageless
 
 FLAGS = ["--steps", "600", *kills.FLAGS]
 

@@ -65,7 +65,7 @@ def test_a_wrong_law_warns(factor: float) -> None:
 def test_grains_that_walls_carry_get_no_error_bars() -> None:
     context = context_of(replace(chute(), u=-chute().u), make_result(checks={}))
     before = context.result
-    context.do(CHECK.name, lambda: CHECK.make(context))
+    context.attempt(CHECK.name, lambda: CHECK.make(context))
     made = context.result
     assert made.checks["momentum_balance"].balance.carried
     assert made.theta == before.theta
@@ -83,7 +83,7 @@ def test_a_failure_of_the_balance_is_not_one_of_the_run(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(cases, "baseline", fail)
     context = context_of(chute(), result_with(1.0))
-    context.do(CHECK.name, lambda: CHECK.make(context))
+    context.attempt(CHECK.name, lambda: CHECK.make(context))
     assert context.result.not_done == {"momentum_balance": "RuntimeError: singular"}
     assert context.result.checks == {}
     assert not CHECK.asked(Config())

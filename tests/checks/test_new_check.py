@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from granpinn import checks, identify, load, report
+from granpinn import checks, identify, load
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.results import ResultsFileError, read_results
@@ -47,7 +47,7 @@ class LargestSpeed(Record):
         return [Reason(CARE, "A test says so.")]
 
     def figures(self):
-        return {"largest_speed": (self.title, lambda source: Drawing(new_figure(1.0), "Empty."))}
+        return {"largest_speed": (self.title, lambda run: Drawing(new_figure(1.0), "Empty."))}
 
 
 def make(context):
@@ -92,7 +92,7 @@ def test_one_file_is_enough(
     assert f"largest  {record.speed:.4f}" in result.summary()
     assert read_results(folder / "results.json").checks == load(folder).checks == result.checks
     monkeypatch.setattr("granpinn.figures.album.FIGURES", {})
-    page = report.build(folder).read_text()
+    page = load(folder).report().read_text()
     assert "<h2>Largest speed</h2>" in page
     assert (folder / "figures" / "largest_speed.png").exists()
 

@@ -14,8 +14,7 @@ from granpinn.commands import train
 from granpinn.config import Config, ConfigError
 from granpinn.errors import CannotGoOn
 from granpinn.results import Covariance, Parameter, Parameters, Result
-from granpinn.results.identified_law import IdentifiedLaw
-from granpinn.results.records import ErrorBars
+from granpinn.results.records import ErrorBars, IdentifiedLaw
 from granpinn.results.result import NORMAL_90
 from granpinn.uncertainty.error_model import ends_of, line
 from tests.examples import make_result

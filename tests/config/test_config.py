@@ -87,7 +87,7 @@ def test_a_config_survives_pickling() -> None:
 BAD = {
     "choice": ({"form": "weak"}, "form must be one of mixed, strong, got 'weak'"),
     "recipe": ({"recipe": "best"}, "recipe must be one of default, paper, got 'best'"),
-    "no recipe": ({"recipe": ["paper"]}, "recipe must be one of"),
+    "no recipe": ({"recipe": ["paper"]}, "recipe must be text, got"),
     "law": (
         {"law": "tresca"},
         "law must be one of mu_of_i, coulomb, regularised, power, cohesive, free, got 'tresca'",
@@ -106,7 +106,10 @@ BAD = {
     "another section": ({"bach": {"interior": 3}}, "unknown setting bach: did you mean batch?"),
     "nothing like it": ({"qqqq": 3}, "unknown setting qqqq: granpinn train --help lists them"),
     "no section": ({"batch": 512}, "batch must be a granpinn.config.Batch or a dict, got 512"),
-    "dict in a dict": ({"network": {"widths": {}}}, "network.widths must be whole numbers"),
+    "dict in a dict": (
+        {"network": {"widths": {}}},
+        "network.widths must be a list, each item a",
+    ),
     "list": ({"level": ["V1"]}, "level must be one of V0, V1, V2, got ['V1']"),
     "text": ({"steps": "3"}, "steps must be a whole number, got '3'"),
     "fraction": ({"steps": 2.5}, "steps must be a whole number, got 2.5"),

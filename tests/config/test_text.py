@@ -104,7 +104,7 @@ BAD = {
     "value missing": ([*REQUIRED, "--steps"], "--steps"),
     "fraction of a step": ([*REQUIRED, "--steps", "1.5"], "whole number, got '1.5'"),
     "word for a number": ([*REQUIRED, "--I0", "x"], "--I0 must be a number, got 'x'"),
-    "nan": ([*REQUIRED, "--I0", "nan"], "--I0 must be a number"),
+    "nan": ([*REQUIRED, "--I0", "nan"], "--I0 must be positive and at most 1e+30, got nan"),
     "choice": ([*REQUIRED, "--level", "V3"], "--level must be one of V0, V1, V2, got 'V3'"),
     "widths words": ([*REQUIRED, "--network.widths", "a"], "whole number, got 'a'"),
     "endless": ([*REQUIRED, "--steps", "none"], "--max-time"),
@@ -129,7 +129,7 @@ def test_a_bad_command_line_is_refused_in_one_sentence(case: str) -> None:
         ("[walls]\nfriction = 0.1", "did you mean side_walls.friction?"),
         ("[network]\nwidth = 3", "unknown setting network.width"),
         ('steps = "many"', "steps must be a whole number, got 'many'"),
-        ("[network]\nwidths = 3", "whole numbers separated by commas, such as 128,128, got 3"),
+        ("[network]\nwidths = 3", "network.widths must be a list, each item a whole number, got 3"),
     ],
 )
 def test_a_bad_file_is_refused_in_one_sentence(content: str, expected: str, tmp_path: Path) -> None:

@@ -220,7 +220,10 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         lambda f: f.attrs.create("length_unit", np.bytes_(b"\xb5m")),
         "length_unit must be one text, got text that is not UTF-8",
     ),
-    "gravity in 3D": (lambda f: f.attrs.create("gravity", [0.0, 0.0, -1.0]), "gravity must be two"),
+    "gravity in 3D": (
+        lambda f: f.attrs.create("gravity", [0, 0, -1.0]),
+        "gravity must be a list of 2",
+    ),
     "sigma twice": (
         lambda f: (f.attrs.create("sigma_u", 1.0), f.create_dataset("sigma_u", data=f["c"][:])),
         "sigma_u must be either",

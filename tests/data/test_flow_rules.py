@@ -69,7 +69,7 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
     "t in 2D": ({"t": FLOW.t[None]}, "t must be float64 [T], got float64 ["),
     "no frame": ({"t": FLOW.t[:0]}, "t must hold at least 1 value, got 0"),
     "one row": ({"y": FLOW.y[:1]}, "y must hold at least 2 values, got 1"),
-    "u as a list": ({"u": [1.0]}, "Flow.u must be a NumPy array, got list"),
+    "u as a list": ({"u": [1.0]}, "Flow.u must be a NumPy array, got [1.0]"),
     "NaN in x": (changed("x", 3, np.nan), "x must be from -1e+30 to 1e+30, got nan at index 3"),
     "infinite t": (changed("t", 11, np.inf), "t must be from -1e+30 to 1e+30, got inf"),
     "times beyond all units": (

@@ -24,7 +24,7 @@ from granpinn.data import (
     write_flow,
 )
 from granpinn.data import particles as particles_module
-from granpinn.data.scaling import RESOLUTION, equation_constants, scales_of
+from granpinn.data.scaling import RESOLUTION, inertial_diameter, scales_of
 from tests import flows
 from tests.flows import make_flow
 
@@ -163,13 +163,13 @@ def test_density_of_grains_enters_the_inertial_number() -> None:
     physical ones.
     """
     scales = scales_of(FLOW)
-    d = equation_constants(FLOW, scales).grain_diameter
+    d = inertial_diameter(FLOW, scales)
     rate, p = 7.0, 640.0  # 1/s, Pa
     physical = FLOW.grain_diameter * rate / math.sqrt(p / 2500.0)
     ours = d * scales.to_dimensionless(rate, "rate")
     ours /= math.sqrt(scales.to_dimensionless(p, "pressure"))
     assert ours == pytest.approx(physical, rel=1e-12)
-    merged = equation_constants(replace(FLOW, grain_density=None), scales).grain_diameter
+    merged = inertial_diameter(replace(FLOW, grain_density=None), scales)
     assert d / merged == pytest.approx(math.sqrt(2500 / 1500), rel=1e-12)
     with pytest.raises(FlowFileError, match="grain_density must be at least density"):
         check_flow(replace(FLOW, grain_density=1499.0))

@@ -49,7 +49,7 @@ def test_the_window_holds_all_grains_and_one_cell_more(fields: Fields) -> None:
 
 
 def test_pressure_beside_its_reference(fields: Fields) -> None:
-    drawing = maps.pressure_fields(fields, K)
+    drawing = maps.pressure_fields(fields, float(fields.t[K]))
     predicted, reference, difference = panels = drawing.figure.axes[:3]
     p, known = fields.frame("p", K), fields.frame("p_reference", K)
     for axes, expected in zip(panels, (p, known, p - known), strict=True):
@@ -58,19 +58,19 @@ def test_pressure_beside_its_reference(fields: Fields) -> None:
     low, high = mesh(difference).get_clim()
     assert low == -high
     assert "(b) reference" in drawing.caption
-    assert drawing.caption.startswith(f"Pressure in the grains at t = {fields.t[K]:.3g} s")
+    assert drawing.caption.startswith(f"In the grains at t = {fields.t[K]:.3g} s")
     assert predicted.get_ylabel() == "$y$ [m]"
     assert drawing.figure.axes[3].get_ylabel() == "$p$ [units of the file]"
 
 
 def test_speed_beside_that_of_the_flow_file(fields: Fields) -> None:
     fields = replace(fields, units=Units("1", "1"))
-    drawing = maps.velocity_fields(fields, K)
+    drawing = maps.velocity_fields(fields, float(fields.t[K]))
     for axes, suffix in zip(drawing.figure.axes, ("", "_reference"), strict=False):
         speed = np.hypot(fields.frame("u" + suffix, K), fields.frame("v" + suffix, K))
         np.testing.assert_array_equal(shown(axes), inside(speed))
     assert drawing.figure.axes[0].get_ylabel() == "$y$"
-    assert drawing.caption.startswith(f"Speed in the grains at t = {fields.t[K]:.3g}: (a)")
+    assert drawing.caption.startswith(f"In the grains at t = {fields.t[K]:.3g}: (a)")
 
 
 @pytest.mark.parametrize("height", [0.02, 1.0, 20.0])
@@ -78,7 +78,7 @@ def test_grains_of_every_shape_fit_their_figure(
     fields: Fields, tmp_path: Path, height: float
 ) -> None:
     fields = replace(fields, y=height * fields.y)
-    speed = maps.velocity_fields(fields, K).figure
+    speed = maps.velocity_fields(fields, float(fields.t[K])).figure
     style.save(speed, tmp_path / "speed.png")  # a map without room would warn
     first, second = (axes.get_position() for axes in speed.axes[:2])
     stacked = first.y0 > second.y1

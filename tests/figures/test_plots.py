@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from granpinn.figures import album, curves, maps, style
+from granpinn.figures import curves, maps, style
 from granpinn.physics.terms import NAMES
 from granpinn.results import Result
 from tests.figures.drawn import labels, line, shares, xy
@@ -67,10 +66,10 @@ def test_a_figure_is_drawn_once_with_the_bytes_of_savefig(
     """savefig draws everything once more for the layout."""
     memory = BytesIO()
     with mpl.rc_context({**mpl.rcParamsDefault, **style.STYLE}):  # type: ignore[dict-item]
-        figure = maps.pressure_fields(contents.fields, 8).figure
+        figure = maps.pressure_fields(contents.fields, None).figure
         figure.savefig(memory, metadata={"Software": None})
     path = tmp_path / "pressure.png"
-    style.save(maps.pressure_fields(contents.fields, 8).figure, path)
+    style.save(maps.pressure_fields(contents.fields, None).figure, path)
     assert path.read_bytes() == memory.getvalue()
 
 
@@ -88,18 +87,3 @@ def test_labels_name_the_unit(unit: str | None, expected: str, tmp_path: Path) -
     figure = style.new_figure(1.0)
     figure.subplots().set_xlabel(style.label("$p$", unit))
     style.save(figure, tmp_path / "label.png")  # a formula that makes no sense would raise
-
-
-@pytest.mark.parametrize(("file", "absent"), [("fields", "friction_law"), ("history", "evolution")])
-def test_every_figure_is_drawn_or_said_to_be_missing(
-    contents: Contents, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, absent: str
-) -> None:
-    two = {name: album.FIGURES[name] for name in ("friction_law", "evolution")}
-    monkeypatch.setattr(album, "FIGURES", two)
-    (tmp_path / f"{absent}.png").write_bytes(b"of an earlier run")
-    bare = contents._replace(result=replace(contents.result, checks={}))
-    pictures, missing = album.draw_all(album.Source(*bare, 8)._replace(**{file: None}), tmp_path)
-    assert {p.path for p in pictures} == set(tmp_path.iterdir())
-    assert [(m.title, m.reason.split(".")[0]) for m in missing] == [
-        (two[absent][0], f"there is no {file}")
-    ]

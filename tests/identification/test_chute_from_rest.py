@@ -7,7 +7,7 @@ import pytest
 
 from granpinn.config import Config, Network
 from granpinn.data import Flow
-from granpinn.identification.single import identify
+from granpinn.identification.identify import identify
 from granpinn.physics.laws import mu_of_i
 from granpinn.simulation import Chute, simulate
 from granpinn.uncertainty import error_bars

@@ -18,7 +18,7 @@ from granpinn.data import Flow, Truth
 from granpinn.fit import case as case_module
 from granpinn.fit import prediction
 from granpinn.fit.network import TrainedNetwork
-from granpinn.identification.single import identify
+from granpinn.identification.identify import identify
 from granpinn.kernels.builds import choose_device
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.time_limit import Limit

@@ -11,7 +11,7 @@ import pytest
 from bench.scale import write_flow_file
 from granpinn.data import large, read_flow
 from granpinn.identification.identified import Identification
-from granpinn.identification.single import identify
+from granpinn.identification.identify import identify
 from tests.runs import Heard, tiny
 
 FRAMES, CELLS = 60, 16

@@ -9,8 +9,7 @@ from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.fit.case import fixed_values
-from granpinn.identification.batch import identify_many
-from granpinn.identification.single import identify
+from granpinn.identification.identify import identify, identify_many
 from granpinn.physics.laws import LAWS
 
 from ..runs import tiny

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granpinn import identify, identify_many, report, results
+from granpinn import identify, identify_many, load, results
 from granpinn.config import ConfigError
 from granpinn.data import Flow
 from granpinn.fit.case import member_seed, pose
@@ -77,7 +77,7 @@ def test_its_folder_is_that_of_a_run_and_has_a_report(
     shown = identify(flow, dataclasses.replace(THREE, members=2)).history  # in memory
     for name in shown.keys() - {"wall_s"}:
         np.testing.assert_array_equal(found.history[name], shown[name])
-    page = report.build(folder).read_text(encoding="utf-8")
+    page = load(folder).report().read_text(encoding="utf-8")
     assert "2 networks with different seeds" in page
     assert f"<b>{found.assessment.headline.capitalize()}.</b>" in page
     why = found.parameters.mu_s.undetermined  # three steps determine nothing

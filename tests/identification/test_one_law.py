@@ -12,7 +12,7 @@ import pytest
 
 import granpinn
 from granpinn import identify, identify_many, load, results, simulate
-from granpinn.command import training_run
+from granpinn.commands.shared import training_run
 from granpinn.commands.train import parse
 from granpinn.config import ConfigError
 from granpinn.data import Flow, write_flow

@@ -10,7 +10,7 @@ import pytest
 from torch import Tensor
 
 import granpinn
-from granpinn import laws, report
+from granpinn import laws
 from granpinn.config import Config, ConfigError
 from granpinn.physics.laws import LAWS
 from granpinn.results import ResultsFileError, read_results
@@ -83,7 +83,7 @@ def test_from_python_to_the_files_of_a_run(tmp_path: Path, figures: Callable[...
     assert result.law.reason == "there are error bars for mu(I) only"
     again = read_results(tmp_path / "results.json")
     assert (again.law, again.parameters) == (result.law, result.parameters)
-    text = report.build(tmp_path).read_text(encoding="utf-8")
+    text = result.report().read_text(encoding="utf-8")
     assert "linear law" in text
     assert (tmp_path / "figures" / "friction_law.png").exists()
     del LAWS["linear"]

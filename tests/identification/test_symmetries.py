@@ -13,7 +13,7 @@ from granpinn import results
 from granpinn.commands.train import main
 from granpinn.data import Flow, add_noise, write_flow
 from granpinn.fit.case import pose
-from granpinn.identification.single import identify
+from granpinn.identification.identify import identify
 from granpinn.results import read_fields
 from granpinn.results.fields import after_start
 from granpinn.training.checkpoint import CheckpointError

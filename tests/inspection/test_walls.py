@@ -11,7 +11,7 @@ import numpy as np
 from granpinn.config import Config, Network
 from granpinn.data import Flow, Walls
 from granpinn.estimates.confined import NO_PRESSURE, NO_WORK_WORDS, undetermined
-from granpinn.identification.single import identify
+from granpinn.identification.identify import identify
 from granpinn.inspection import inspect
 from granpinn.inspection.momentum_balance import baseline
 from granpinn.results import read_results

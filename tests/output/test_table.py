@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from granpinn.data import Flow
-from granpinn.output.table import Table, paragraphs
+from granpinn.output.table import Table, paragraph
 from granpinn.results import Input, Parameter, Parameters
 from tests.examples import SPARSE, make_result
 from tests.flows import make_chute
@@ -13,7 +13,7 @@ from tests.flows import make_chute
 
 def test_text_from_a_file_is_no_markup() -> None:
     name = "<script>alert(1)</script>"
-    assert "<script" not in Table([name, name], [(name, name)]).html() + paragraphs([name])
+    assert "<script" not in Table([name, name], [(name, name)]).html() + paragraph(name)
     result = make_result(input=Input(name=name, sha256="ab" * 32))
     assert "<script" not in result._repr_html_()
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import torch
 
+from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS, FrictionLaw
-from granpinn.physics.rheology import by_parameters, inertial_number
 
 STEP = 1e-6  # relative
 
@@ -19,7 +19,7 @@ STEP = 1e-6  # relative
 def test_inertial_number_takes_the_size_of_the_pressure() -> None:
     rate = torch.tensor([0.5, 2.0, 3.0, 4.0], dtype=torch.float64)
     p = torch.tensor([4.0, -4.0, 1e-9, 0.0], dtype=torch.float64)
-    got = inertial_number(rate, p, 0.1, 1e-4)
+    got = Physics(0.1, 0, -1, 0, 1e4, 1, 1, 1e-4).inertial_number(rate, p)
     exact = [0.1 * 0.5 / 2, 0.1 * 2.0 / 2, 0.1 * 3.0 / math.sqrt(1e-4), 0.1 * 4.0 / 1e-2]
     torch.testing.assert_close(got, torch.tensor(exact, dtype=torch.float64))
 
@@ -27,7 +27,7 @@ def test_inertial_number_takes_the_size_of_the_pressure() -> None:
 @pytest.mark.parametrize("law", LAWS.values(), ids=lambda law: law.name)
 def test_derivatives_by_parameters_are_those_of_differences(law: FrictionLaw) -> None:
     I, theta = np.geomspace(1e-3, 1, 7), np.array([p.typical for p in law.parameters])
-    found = by_parameters(law, I, theta)
+    found = law.by_parameters(I, theta)
     assert found.shape == (7, len(theta))
     for k, value in enumerate(theta):
         step = STEP * abs(value)

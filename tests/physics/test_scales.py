@@ -12,7 +12,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from granpinn.data.scaling import equation_constants, scales_of
+from granpinn.data.scaling import inertial_diameter, scales_of
 from granpinn.physics.scales import Quantity, Scales
 from tests.flows import make_flow
 
@@ -94,8 +94,8 @@ def test_units_of_the_file_do_not_matter() -> None:
         SCALES.points_to_dimensionless(FLOW.x[:9], FLOW.y[:9], FLOW.t[:9]),
         rtol=1e-12,
     )
-    assert equation_constants(small, scales).grain_diameter == pytest.approx(
-        equation_constants(FLOW, SCALES).grain_diameter, rel=1e-12
+    assert inertial_diameter(small, scales) == pytest.approx(
+        inertial_diameter(FLOW, SCALES), rel=1e-12
     )
     assert scales.velocity == pytest.approx(SCALES.velocity, rel=1e-12)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from granpinn import report
+from granpinn import load
 from tests.run_folder import Contents, make_run, read_run
 
 
@@ -27,7 +27,7 @@ def built(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run folder with all figures and the page; not to be changed."""
     folder = tmp_path_factory.mktemp("runs") / "built"
     shutil.copytree(finished, folder)
-    report.build(folder)
+    load(folder).report()
     return folder
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from granpinn.data import Truth
 from granpinn.figures import album
-from granpinn.report import page as pages
+from granpinn.figures import page as pages
 from granpinn.results import ErrorPercent, Input, Parameter, Parameters, Result, read_results
 from tests.examples import PARAMETERS, make_result
 from tests.page import Page
@@ -21,7 +21,7 @@ HOSTILE = """<script>alert(1)</script>"><img src=x onerror='alert(2)'>{{ 7 * 7 }
 
 
 def render(result: Result) -> Page:
-    return Page(pages.render(result, [], [], []))
+    return Page(pages.render(result))
 
 
 def test_the_page_needs_nothing_but_itself(built: Path) -> None:
@@ -60,7 +60,7 @@ def test_the_result_comes_first(built: Path) -> None:
         value,
         f"{result.assessment.headline.capitalize()}.",
     ]
-    order += ["Friction law over the I of", "Pressure in the grains", "What it rests on"]
+    order += ["Friction law. Over the I of", "Pressure. In the grains", "What it rests on"]
     order += ["Results", "Figures", "The run"]
     places = [page.text.index(words, len("Friction law of in memory")) for words in order]
     assert places == sorted(places)
@@ -88,7 +88,7 @@ def test_values_and_errors_have_their_digits() -> None:
         "reproduced to 0.80 %",
         "Stagnant: D2 below 0.05",
         "mixed form, default recipe, seed 7",
-        "network.widths 40, 40",
+        "network.widths 40,40",
         "max_time none",
         "python 3.11.7, torch 2.11.0",
         "one standard deviation",

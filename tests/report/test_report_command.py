@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from granpinn import report
+from granpinn import load
 from granpinn.commands.report import main
-from granpinn.figures import album, curves, maps
+from granpinn.figures import album, curves, page
 from granpinn.figures.style import Drawing, new_figure
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import write_results
@@ -35,7 +35,7 @@ def two_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def build(folder: Path) -> Page:
-    path = report.build(folder)
+    path = load(folder).report()
     assert path == folder / "report.html"
     return Page(path.read_text(encoding="utf-8"))
 
@@ -44,10 +44,9 @@ def test_a_folder_with_results_alone_gives_a_page(tmp_path: Path) -> None:
     write_results(make_result(truth=None), tmp_path / "results.json")
     page = build(tmp_path)
     assert "img" not in page.tags
-    assert f"{tmp_path / 'fields.h5'} does not exist history.csv does not exist" in page.text
-    assert "Friction law: there is no fields.h5 that can be read" in page.text
+    assert f"Friction law: {tmp_path / 'fields.h5'} does not exist" in page.text
     assert "script" not in page.tags
-    assert "Course of the training: there is no history.csv that can be read" in page.text
+    assert "Course of the training: history.csv does not exist" in page.text
     assert "μs 0.410 ± 0.012" in page.text
 
 
@@ -70,10 +69,10 @@ def test_a_damaged_history_is_said(run_dir: Path) -> None:
 
 
 def test_building_again_gives_the_same_bytes(run_dir: Path) -> None:
-    report.build(run_dir)
+    load(run_dir).report()
     first = (run_dir / "report.html").read_bytes()
     (run_dir / "report.html").write_text("something else")
-    report.build(run_dir)
+    load(run_dir).report()
     assert (run_dir / "report.html").read_bytes() == first
 
 
@@ -82,9 +81,9 @@ def test_a_page_that_fails_leaves_the_old_one(
 ) -> None:
     (run_dir / "report.html").write_text("the old page")
     before = {path.name for path in run_dir.iterdir()} | {"figures"}
-    monkeypatch.setattr(report.page, "render", lambda *_: str(1 // 0))
+    monkeypatch.setattr(page, "render", lambda *_: str(1 // 0))
     with pytest.raises(ZeroDivisionError):
-        report.build(run_dir)
+        load(run_dir).report()
     assert (run_dir / "report.html").read_text() == "the old page"
     assert {path.name for path in run_dir.iterdir()} == before
 
@@ -93,10 +92,9 @@ def test_the_command_prints_the_page(
     run_dir: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     times: list[float | None] = []
-    real = maps.frame_at
-    monkeypatch.setattr(
-        maps, "frame_at", lambda fields, time: times.append(time) or real(fields, time)
-    )
+    empty = Drawing(new_figure(1.0), "Empty.")
+    noted = ("Course of the training", lambda run, time: times.append(time) or empty)
+    monkeypatch.setattr(album, "FIGURES", {"evolution": noted})
     assert main([str(run_dir), "--time", "0.3"]) == 0
     assert capsys.readouterr() == (f"{run_dir / 'report.html'}\n", "")
     assert times == [0.3]

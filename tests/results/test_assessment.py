@@ -22,9 +22,9 @@ from granpinn.results import (
     write_results,
 )
 from granpinn.results.assessment import GRADES, Assessment, conditions
-from granpinn.results.identified_law import Curve
 from granpinn.results.parameters import half_width, spans
 from granpinn.results.record import Reason
+from granpinn.results.records import Curve
 from granpinn.results.result import FlowOfLaw
 from tests.examples import BASELINE, make_result
 

@@ -11,8 +11,8 @@ import pytest
 
 from granpinn.config import Config
 from granpinn.data import Truth
+from granpinn.figures import page as pages
 from granpinn.physics.laws import LAWS
-from granpinn.report import page as pages
 from granpinn.results import (
     Covariance,
     ErrorPercent,
@@ -77,7 +77,7 @@ def test_table_row_and_page_have_its_parameters_alone(tmp_path: Path) -> None:
     assert (row["law.name"], row["parameters.mu_s.value"]) == ("coulomb", 0.33)
     assert row["error_percent.mu_s"] == 10.0
     assert not {"parameters.mu_2.value", "error_percent.mu_2"} & set(row.index)
-    page = Page(pages.render(result, [], [], []))
+    page = Page(pages.render(result))
     assert "μs 0.330 true 0.300" in page.text
     assert "friction law “constant friction”" in page.text
     assert "μ2" not in page.text

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.physics.side_walls import coefficient
+from granpinn.physics.constants import side_wall
 from granpinn.simulation import Collapse, Engine
 
 Array = npt.NDArray[np.float64]
@@ -99,7 +99,7 @@ def momentum_balance(triple: list[BalanceFrame], collapse: Collapse) -> Balance:
     rest = s.density * np.stack(acceleration, -1) + np.stack([x_(p), y_(p)], -1)
     if s.wall_gap is not None:
         assert s.wall_friction is not None  # resolved
-        friction = coefficient(s.wall_friction, s.wall_gap) * p / (np.hypot(u, v) + 1e-12)
+        friction = side_wall(s.wall_friction, s.wall_gap) * p / (np.hypot(u, v) + 1e-12)
         rest = rest + np.stack([friction * u, friction * v], -1)
     mu = s.mu_s + (s.mu_2 - s.mu_s) * share
     e = rest - force(np.minimum(mu * positive / gamma_dot, s.eta_max))

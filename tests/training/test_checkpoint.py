@@ -12,6 +12,7 @@ import pytest
 import torch
 from safetensors import torch as safetensors
 
+from granpinn.declared import plain
 from granpinn.training import checkpoint
 from granpinn.training.checkpoint import (
     CheckpointError,
@@ -22,7 +23,6 @@ from granpinn.training.checkpoint import (
     restore,
     save,
 )
-from granpinn.training.identity import plain
 
 TENSORS = {"params": torch.arange(6.0), "q": torch.tensor([1.0, 2.0], dtype=torch.float64)}
 

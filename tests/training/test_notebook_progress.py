@@ -9,7 +9,7 @@ from types import ModuleType
 import pytest
 
 from granpinn.data import Flow
-from granpinn.identification.single import identify
+from granpinn.identification.identify import identify
 from tests.runs import tiny
 
 

@@ -142,12 +142,12 @@ PHASES = {
     "last layer": ("granpinn.training.trainer:Trainer.solve_last_layer", 0),
     "copies": ("granpinn.uncertainty.sensitivity:continued", 0),
     "a check": ("granpinn.fit.case:baseline", 0),
-    "figures": ("granpinn.report.page:build", 0),
+    "figures": ("granpinn.figures.page:build", 0),
 }
 # A training that announces a phase and stays in it; if it is slow, it takes long to clean up.
 CHILD = """
 import importlib, sys, time
-from granpinn.command import exit_codes
+from granpinn.commands.shared import exit_codes
 exit_codes.guard_process("train")
 from granpinn.commands import train
 from granpinn.training import checkpoint

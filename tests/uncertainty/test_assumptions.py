@@ -17,8 +17,7 @@ from granpinn.data import Flow
 from granpinn.fit import assumptions
 from granpinn.fit.case import pose
 from granpinn.identification import start
-from granpinn.identification.batch import identify_many
-from granpinn.identification.single import identify
+from granpinn.identification.identify import identify, identify_many
 from granpinn.kernels.builds import choose_device
 from granpinn.results.records import Assumed
 from granpinn.uncertainty import sensitivity

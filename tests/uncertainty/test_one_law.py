@@ -16,9 +16,8 @@ from granpinn.checks.unknown_I0 import UnknownI0
 from granpinn.errors import BadInput, CannotGoOn
 from granpinn.physics.laws import DEFAULT
 from granpinn.results import Covariance, Parameters, Residuals, Result
-from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import CARE, GOOD
-from granpinn.results.records import Assumed, ErrorBars, LawPoints, Members
+from granpinn.results.records import Assumed, ErrorBars, IdentifiedLaw, LawPoints, Members
 from granpinn.uncertainty.error_model import Known, ends_of, line, load
 from granpinn.uncertainty.one_law import LeastSquares, fit
 from tests.examples import make_result

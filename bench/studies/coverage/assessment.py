@@ -31,8 +31,8 @@ from granpinn.config import Config
 from granpinn.inspection.momentum_balance import Baseline, Point
 from granpinn.physics import terms
 from granpinn.results import DataSummary, Input, Parameter, Parameters, Residuals, Result, Timing
-from granpinn.results.identified_law import IdentifiedLaw
 from granpinn.results.record import Reason
+from granpinn.results.records import IdentifiedLaw
 from granpinn.uncertainty.determined import applied, determined, with_curve
 from granpinn.uncertainty.error_bars import judge
 

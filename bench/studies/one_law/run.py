@@ -35,7 +35,7 @@ from bench.studies.coverage.materials import as_measured, path_of
 from bench.studies.one_law.flows import PAIRS, make_pairs, pair
 from granpinn import Result, identify_many, one_law, read_flow
 from granpinn.config import Config
-from granpinn.results.decoding import encode
+from granpinn.declared import plain
 
 SEED, TWICE = 57, 8
 LONG, NOISE, LARGE_NOISE = 100_000, 0.003, 0.05
@@ -104,18 +104,18 @@ def record(group: Group, results: dict[Single, Result]) -> dict[str, Any]:
     truth, begin = apart[0].truth, time.monotonic()
     found = one_law(apart)
     seconds = time.monotonic() - begin
-    once = None if group.once is None else encode(results[group.once].parameters)
+    once = None if group.once is None else plain(results[group.once].parameters)
     return {
         "kind": group.kind,
         "name": group.name,
         "truth": None if truth is None else [truth.mu_s, truth.mu_2, truth.I0],
         "I_range": found.law.I_range,
-        "parameters": encode(found.parameters),
+        "parameters": plain(found.parameters),
         "apart": [
             {
                 "I_range": result.law.I_range,
-                "parameters": encode(result.parameters),
-                "I0": encode(result.checks["unknown_I0"].parameters.get("I0")),
+                "parameters": plain(result.parameters),
+                "I0": plain(result.checks["unknown_I0"].parameters.get("I0")),
             }
             for result in apart
         ],

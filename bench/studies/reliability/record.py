@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.machine import describe
-from granpinn.results import plain
+from granpinn.declared import plain
 
 RESULTS = Path(__file__).parent / "results"
 LIBRARIES = ("numpy", "h5py", "safetensors", "scipy", "pillow", "xarray", "pyvista")

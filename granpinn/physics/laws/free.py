@@ -14,8 +14,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from granpinn.physics.laws.arrays import LEAST_I, together
-from granpinn.physics.laws.law import FrictionLaw, LawParameter, Values
+from granpinn.physics.laws.law import LEAST_I, FrictionLaw, LawParameter, Values, together
 
 COEFFICIENTS = 8
 INTERVALS = COEFFICIENTS - 3

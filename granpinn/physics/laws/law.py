@@ -7,10 +7,15 @@ names, the bounds, the start and the number of its parameters, and for its curve
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal, Self
+
+import numpy as np
+
+from granpinn.arrays import Float64, plain_array
 
 Values = Any  # a number, a NumPy array or a torch tensor
 Curve = Callable[..., Values]  # (I, *parameters) -> values of the shape of I
@@ -163,3 +168,29 @@ class FrictionLaw:
         mu = self.friction(I, *theta)
         a = self.slope(I, *theta) / mu
         return 4 * a**2 - 4 * a + mu**2 * (1 - a / 2) ** 2
+
+    def by_parameters(self, I: Float64, theta: Sequence[float] | Float64) -> Float64:
+        """d mu / d theta at inertial numbers I [n], for all N parameters: [n, N]."""
+        import torch  # slow to import
+
+        rows = torch.tensor(theta, dtype=torch.float64).repeat(len(I), 1).requires_grad_()
+        mu = self.friction(torch.as_tensor(I), *rows.unbind(1))
+        (found,) = torch.autograd.grad(mu.sum(), rows)  # value k depends on row k alone
+        return np.asarray(found.numpy())
+
+
+LEAST_I = 1e-30
+"""Added to an inertial number of which the logarithm is taken (csrc/math/scalar.h)."""
+
+
+def together(*values: Any) -> tuple[Any, ...]:
+    """The library, numpy or torch, and the values as its arrays.
+
+    Torch where a value is a tensor; then all have its type and device.
+    """
+    torch = sys.modules.get("torch")  # not loaded: no value is a tensor
+    tensor = torch and next((v for v in values if isinstance(v, torch.Tensor)), None)
+    if torch is None or tensor is None:
+        return (np, *(plain_array(v, "a value").astype(np.float64)[()] for v in values))
+    dtype, device = tensor.dtype, tensor.device
+    return (torch, *(torch.as_tensor(v, dtype=dtype, device=device) for v in values))

@@ -12,8 +12,7 @@ a simulated collapse with n = 1 went from 0.74 to 1.5 while its loss fell by 0.4
 
 from __future__ import annotations
 
-from granpinn.physics.laws.arrays import LEAST_I, together
-from granpinn.physics.laws.law import FrictionLaw, LawParameter, Values
+from granpinn.physics.laws.law import LEAST_I, FrictionLaw, LawParameter, Values, together
 
 
 def friction(I: Values, mu_s: Values, b: Values, n: Values) -> Values:

@@ -14,8 +14,8 @@ I = 0 is small (0.15) instead of 0, and 1/mu is finite.
 
 from __future__ import annotations
 
-from granpinn.physics.laws.arrays import LEAST_I, together
-from granpinn.physics.laws.law import FrictionLaw, LawParameter, Values
+from granpinn.physics.laws import mu_of_i
+from granpinn.physics.laws.law import LEAST_I, FrictionLaw, LawParameter, Values, together
 
 
 def friction(I: Values, *theta: Values) -> Values:
@@ -66,14 +66,7 @@ LAW = FrictionLaw(
             typical=0.64,
             help="friction at I well above I0, without the part of mu_inf",
         ),
-        LawParameter(
-            "I0",
-            "I_0",
-            start=0.3,
-            fixed=True,
-            typical=0.3,
-            help="inertial number I at which friction is half way from mu_s to mu_2",
-        ),
+        mu_of_i.LAW.parameter("I0"),
         LawParameter(
             "mu_inf",
             r"\mu_\infty",

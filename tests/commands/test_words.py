@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from granpinn.command import cli
 from granpinn.commands import convert, inspect, report, train
+from granpinn.commands.shared import cli
 from granpinn.config import ConfigError
-from granpinn.config.values import convert as value_of
+from granpinn.config.fields import Setting
 from granpinn.data import write_flow
 from granpinn.terminal import visible
 from tests.flows import make_flow
@@ -78,7 +78,7 @@ def test_an_empty_path_is_not_the_current_folder(
 def test_a_number_has_plain_digits(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     for kind in (int, float):
         with pytest.raises(ConfigError, match="steps must be a"):
-            value_of(text, kind, "--steps")
+            Setting(kind, None, "").of_text(text, "--steps")
     for command, words in (
         (train.main, ["a.h5", "--out", "b", "--members", text]),
         (train.main, ["a.h5", "--out", "b", "--I0", text]),

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from granpinn.command.next_step import require_flow_file
+from granpinn.commands.shared.flow_files import require_flow_files
 from granpinn.commands.train import parse
 from granpinn.errors import BadInput
-from granpinn.importers import DataFileError
 
 RUN = ("flow.h5", "--out", "run")
 
@@ -45,7 +44,7 @@ def test_a_flag_that_is_unknown_comes_with_the_nearest_one(flag: str, meant: str
 def test_training_on_files_of_an_instrument_says_how_to_convert_them(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("# x y u v flags mask\n1 1 1 1 0 0\n")
-    with pytest.raises(DataFileError, match=r"granpinn convert .*a\.txt --out flow\.h5 --scale"):
-        require_flow_file(path)
+    with pytest.raises(BadInput, match=r"granpinn convert .*a\.txt --out flow\.h5 --scale"):
+        require_flow_files([path], "train on")
     (tmp_path / "b").write_bytes(b"\x00\x01garbage")
-    require_flow_file(tmp_path / "b")  # the reader of flow files refuses it
+    require_flow_files([tmp_path / "b"], "train on")  # the reader of flow files refuses it

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from granpinn.command import cli, exit_codes
-from granpinn.command.exit_codes import exit_code
+from granpinn.commands.shared import cli, exit_codes
+from granpinn.commands.shared.exit_codes import exit_code
 from granpinn.errors import BadInput, CannotGoOn, Interrupted
 
 COMMANDS = [name for name in cli.VERBS if name != "completion"]
@@ -198,7 +198,7 @@ def test_a_bug_names_its_place_and_shows_its_traceback_on_demand(
     assert cli.main(["--help"]) == 1
     err = one_sentence(capsys.readouterr().err, "granpinn")
     assert "TypeError: " in err
-    assert "(granpinn/command/cli.py:" in err
+    assert "(granpinn/commands/shared/cli.py:" in err
     assert "GRANPINN_DEBUG=1" in err
     monkeypatch.setenv("GRANPINN_DEBUG", "1")
     assert cli.main(["--help"]) == 1
@@ -223,7 +223,7 @@ def test_outside_the_main_thread_a_command_runs_without_handlers() -> None:
 def test_a_second_signal_ends_the_process_at_once() -> None:
     code = (
         "import os, signal, sys, time\n"
-        "from granpinn.command.exit_codes import exit_code\n"
+        "from granpinn.commands.shared.exit_codes import exit_code\n"
         "def run():\n"
         "    try:\n"
         "        signal.raise_signal(signal.SIGTERM)\n"
@@ -241,7 +241,7 @@ def test_importing_the_boundary_changes_no_handler_and_loads_no_library() -> Non
     code = (
         "import signal, sys\n"
         "before = [signal.getsignal(n) for n in (2, 15)], sys.excepthook\n"
-        "import granpinn.command.exit_codes\n"
+        "import granpinn.commands.shared.exit_codes\n"
         "assert before == ([signal.getsignal(n) for n in (2, 15)], sys.excepthook)\n"
         "assert not {'torch', 'numpy', 'h5py'} & set(sys.modules)\n"
     )

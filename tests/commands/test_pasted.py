@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granpinn.command.exit_codes import fail
-from granpinn.command.next_step import require_flow_file
 from granpinn.commands import convert, inspect
+from granpinn.commands.shared.exit_codes import fail
+from granpinn.commands.shared.flow_files import require_flow_files
 from granpinn.data import Flow
 from granpinn.errors import BadInput
 from granpinn.importers.formats import detect
@@ -79,7 +79,7 @@ def test_commands_about_the_files_of_an_instrument(
     units = {"length_unit": "m", "time_unit": "s", "velocity_unit": "m/s"}
     np.savez(path, t=flow.t, y=flow.y, x=flow.x, u=flow.u, v=flow.v, **units)
     with pytest.raises(BadInput, match="convert it first") as refused:
-        require_flow_file(path)
+        require_flow_files([path], "train on")
     fail("train", 2, str(refused.value))
     _, _, told = capsys.readouterr().err.rpartition("convert it first, ")
     material = ["--grain-diameter=25 mm", "--grain-density=2500 kg/m^3", "--solid-fraction=0.6"]

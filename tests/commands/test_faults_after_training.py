@@ -20,8 +20,8 @@ import granpinn
 from granpinn import results, signals
 from granpinn.data import Flow, write_flow
 from granpinn.training.loop import TrainingLoop
-from tests.command.late_parts import run
-from tests.command.pageless import stand_ins
+from tests.commands.late_parts import run
+from tests.commands.pageless import stand_ins
 from tests.flows import make_flow
 
 PACKAGE = str(Path(granpinn.__file__).parent)

@@ -21,14 +21,23 @@ import os
 import resource
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn, cast
 
-from granpinn.errors import BadInput, CannotGoOn, Interrupted, Sentence, memory_sentence
+from granpinn.errors import (
+    BadInput,
+    CannotGoOn,
+    FlowFileWarning,
+    Interrupted,
+    Sentence,
+    memory_sentence,
+)
 from granpinn.signals import Handler, handled_by, set_handler
-from granpinn.terminal import visible
+from granpinn.terminal import say, visible
 
 DEBUG = "GRANPINN_DEBUG"
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"  # read when NumPy is loaded
@@ -36,7 +45,7 @@ BLAS_THREADS = "OPENBLAS_NUM_THREADS"  # read when NumPy is loaded
 LIMITS = {"-v": (resource.RLIMIT_AS, 2**30), "-d": (resource.RLIMIT_DATA, 2**29)}
 ANYWHERE = ("", "completion", "doctor")  # commands that load no large library
 _guarded: list[str] = []  # the command of this process, if `guard_process` has prepared it
-PACKAGE = os.path.dirname(os.path.dirname(__file__))  # noqa: PTH120 - pathlib is slow to import
+PACKAGE = str(Path(__file__).parents[2])
 
 
 def exit_code(command: str, run: Callable[[], int]) -> int:
@@ -45,7 +54,7 @@ def exit_code(command: str, run: Callable[[], int]) -> int:
     Inside, SIGINT, SIGTERM and SIGHUP raise Interrupted. A second signal ends the process at once.
     """
     try:
-        with _interruptible(command):
+        with _interruptible(command), _warnings_in_one_line():
             code = run()
     except SystemExit as stop:  # --help
         code = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
@@ -155,6 +164,23 @@ def _interruptible(command: str) -> Iterator[None]:
         raise Interrupted(signum, _stopped(signum))
 
     with handled_by(interrupt):
+        yield
+
+
+@contextmanager
+def _warnings_in_one_line() -> Iterator[None]:
+    """Inside, a FlowFileWarning is printed without the place in the program."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("default", FlowFileWarning)
+        shown = warnings.showwarning
+
+        def show(message: Any, category: type[Warning], *place: Any) -> None:
+            if issubclass(category, FlowFileWarning):
+                say(f"warning: {message}")
+            else:
+                shown(message, category, *place)
+
+        warnings.showwarning = cast(Any, show)
         yield
 
 

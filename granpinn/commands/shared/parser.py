@@ -9,11 +9,10 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from granpinn.config.fields import Setting, flag_of, most_like, without_none
-from granpinn.config.values import NONE, convert
+from granpinn.config.fields import NONE, Setting, as_text, flag_of, most_like, without_none
 from granpinn.errors import BadInput
 
-PACKAGE = Path(__file__).parent.parent
+PACKAGE = Path(__file__).parents[2]
 
 
 def program(verb: str) -> str:
@@ -40,7 +39,6 @@ class Parser(argparse.ArgumentParser):
             allow_abbrev=False,
         )
         self.settings: dict[str, Setting] = {}  # by the names of their attributes
-        self._rare: list[tuple[Any, str, str]] = []  # object, attribute, text that --help-all shows
 
     def add_settings(
         self,
@@ -53,34 +51,21 @@ class Parser(argparse.ArgumentParser):
         Args:
             settings: by the names of their attributes, such as "network.widths".
             groups: descriptions of the groups of settings.
-            usual: names in the help; --help-all shows the others and the groups too. None: all.
+            usual: names that the help shows, without groups; None: it shows all.
         """
-        if usual is not None:
-            self.add_argument("--help-all", action=_HelpAll, nargs=0, help="show every setting")
-        places: dict[str, Any] = {"": self}
-        for name, text in (groups or {}).items():
-            places[name] = self.add_argument_group(name)
-            self._show(places[name], "description", text, usual is None)
+        places: dict[str, Any] = {}
+        if usual is None:
+            places = {
+                name: self.add_argument_group(name, text) for name, text in (groups or {}).items()
+            }
         for key, stated in settings.items():
-            shown = usual is None or key in usual
-            add = (places[stated.group] if not shown or usual is None else self).add_argument
             shape: dict[str, Any] = {"action": argparse.BooleanOptionalAction}
             if stated.kind is not bool:
                 shape = {"metavar": metavar_of(stated)}
-            action = add(flag_of(key), dest=key, help=argparse.SUPPRESS, **shape)
-            self._show(action, "help", _help_of(key, stated).replace("%", "%%"), shown)
+            text = _help_of(key, stated).replace("%", "%%")
+            help = text if usual is None or key in usual else argparse.SUPPRESS
+            places.get(stated.group, self).add_argument(flag_of(key), dest=key, help=help, **shape)
         self.settings |= settings
-
-    def _show(self, place: Any, attribute: str, text: str, shown: bool) -> None:
-        if shown:
-            setattr(place, attribute, text)
-        else:
-            self._rare.append((place, attribute, text))
-
-    def show_all(self) -> None:
-        """Let the help show every setting."""
-        for place, attribute, text in self._rare:
-            setattr(place, attribute, text)
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """As in argparse, with settings as values of their types.
@@ -99,7 +84,7 @@ class Parser(argparse.ArgumentParser):
             self.error(f"unrecognized arguments: {' '.join(rest)}{self._meant(rest)}")
         for key, stated in self.settings.items():
             if key in found:
-                setattr(found, key, convert(getattr(found, key), stated.kind, flag_of(key)))
+                setattr(found, key, stated.of_text(getattr(found, key), flag_of(key)))
         return found
 
     def _joined(self, words: Sequence[str]) -> list[str]:
@@ -130,13 +115,6 @@ class _Help(argparse.RawDescriptionHelpFormatter):
         super().__init__(prog, max_help_position=30, width=100)
 
 
-class _HelpAll(argparse.Action):
-    def __call__(self, parser: Any, *others: Any) -> None:
-        parser.show_all()
-        parser.print_help()
-        parser.exit()
-
-
 def metavar_of(stated: Setting) -> str:
     """The placeholder for the value of a setting in the help, such as {V0,V1,V2} or N."""
     if stated.metavar or stated.choices:
@@ -153,6 +131,5 @@ def _help_of(key: str, stated: Setting) -> str:
     value, text = stated.default, stated.help
     if stated.kind is bool:
         return f"{text} (on by default)" if value else text
-    if value is None:
-        return f"{text} (default {NONE})" if f"{NONE}:" in text else text
-    return f"{text} (default {','.join(map(str, value)) if isinstance(value, tuple) else value})"
+    stated_default = value is not None or f"{NONE}:" in text
+    return f"{text} (default {as_text(value)})" if stated_default else text

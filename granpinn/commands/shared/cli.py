@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import granpinn
-from granpinn.command import exit_codes
+from granpinn.commands.shared import exit_codes
 from granpinn.errors import BadInput
 
 if TYPE_CHECKING:
-    from granpinn.command.parser import Parser
+    from granpinn.commands.shared.parser import Parser
 
 
 class Verb(NamedTuple):

@@ -11,8 +11,8 @@ import h5py
 import pytest
 
 from granpinn import results
-from granpinn.command import training_run
 from granpinn.commands import train
+from granpinn.commands.shared import training_run
 from granpinn.commands.train import parse
 from granpinn.config import Config
 from granpinn.data import write_flow
@@ -21,7 +21,7 @@ from granpinn.output import OutputError
 from granpinn.simulation import demo_path
 from granpinn.training import checkpoint
 from granpinn.training.guard import NonFiniteError
-from tests.command.late_parts import run
+from tests.commands.late_parts import run
 from tests.flows import make_flow
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import granpinn
-from granpinn.command import cli
 from granpinn.commands import completion
+from granpinn.commands.shared import cli
 
 
 def test_the_help_has_a_line_and_an_example_for_every_verb(

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from granpinn.command import exit_codes
+from granpinn.commands.shared import exit_codes
 
 if __name__ == "__main__":
     exit_codes.guard_process("train")
@@ -23,10 +23,8 @@ def pageless(command: Sequence[str]) -> list[str]:
 
 def stand_ins() -> list[tuple[Any, str, Any]]:
     """What takes the place of what makes the page: object, name of its attribute, value."""
-    run = importlib.import_module("granpinn.command.training_run")
-    return [
-        (run.report, "build", lambda folder, **made: folder / "report.html"),
-    ]
+    page = importlib.import_module("granpinn.figures.page")
+    return [(page, "build", lambda run, folder, time: folder / "report.html")]
 
 
 if __name__ == "__main__":

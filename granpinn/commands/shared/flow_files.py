@@ -1,4 +1,4 @@
-"""What the commands that make a flow file share: arguments, checks, the file."""
+"""Flow files of commands: those they are given, those they write, and the command that is next."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from granpinn.command.next_step import training_of
-from granpinn.command.parser import Parser, program
+from granpinn.commands.shared.parser import Parser, program
 from granpinn.config.fields import Setting
 from granpinn.data import Flow, FlowFileWarning, write_flow
-from granpinn.importers import DataFileError
+from granpinn.data.flow_file import is_flow_file
+from granpinn.errors import BadInput
 from granpinn.inspection import quick
-from granpinn.output import objection_to_file, shell_word
+from granpinn.output import require_file
 from granpinn.results.record import IMPOSSIBLE
+from granpinn.terminal import shell_word
 
 GROUPS = {
     "files": "which files, and what of them",
@@ -24,6 +25,12 @@ GROUPS = {
     "material": "the grains",
     "grains": "where the grains end",
 }
+
+
+CONVERT = (
+    '--out flow.h5 --scale "0.12 mm/px" --frame-rate "500 Hz" --grain-diameter "0.8 mm" '
+    '--grain-density "2500 kg/m^3" --solid-fraction 0.6'
+)
 
 
 def add_arguments(parser: Parser, sources: str, settings: Mapping[str, Setting]) -> None:
@@ -43,14 +50,14 @@ def parse(parser: Parser, argv: Sequence[str]) -> tuple[list[Path], Path, dict[s
     """Files, flow file and the settings that a command line gives.
 
     Raises:
-        DataFileError: the flow file cannot be written, or is one of the files.
+        BadInput: the flow file is one of the files.
+        OutputError: it cannot be written.
     """
     given = vars(parser.parse_args(argv))
     sources, out = given.pop("sources"), given.pop("out")
-    if objection := objection_to_file(out):
-        raise DataFileError(f"--out {objection}")
+    require_file(out)
     if out.exists() and any(source.exists() and source.samefile(out) for source in sources):
-        raise DataFileError(f"--out must be another file than the data, got {out}")
+        raise BadInput(f"--out must be another file than the data, got {out}")
     return sources, out, given
 
 
@@ -58,13 +65,13 @@ def write(flow: Flow, out: Path, force: bool) -> None:
     """Write the flow file, with a warning for each slip, and print the command that comes next.
 
     Raises:
-        DataFileError: the vectors are impossible, and `force` is not set.
+        BadInput: the vectors are impossible, and `force` is not set.
     """
     slips = quick(flow).slips
     for slip in slips:
         warnings.warn(str(slip), FlowFileWarning, stacklevel=3)
     if not force and any(slip.grade == IMPOSSIBLE for slip in slips):
-        raise DataFileError(
+        raise BadInput(
             "the vectors are impossible, as the warnings say, and no flow file was written: "
             "correct the units, scale, rate or axes, or give --force to write it all the same"
         )
@@ -72,3 +79,34 @@ def write(flow: Flow, out: Path, force: bool) -> None:
     print(f"flow file: {out}")
     step = f"{program('inspect')} {shell_word(out)}" if slips else training_of(flow, out)
     print(f"next: {step}")
+
+
+def training_of(flow: Flow, path: Path) -> str:
+    """The training of a flow file; level V0 where it has no free surface."""
+    level = "" if flow.surface is not None else " --level V0"
+    return f"{program('train')} {shell_word(path)} --out run{level}"
+
+
+def require_flow_files(paths: Sequence[Path], then: str) -> None:
+    """Refuse files of an instrument; the reader of flow files refuses what is of no known format.
+
+    Args:
+        then: what to do with the flow file, such as "inspect".
+
+    Raises:
+        BadInput: the message has the command that converts the files.
+    """
+    others = [path for path in paths if path.is_file() and not is_flow_file(path)]
+    if not others:
+        return
+    from granpinn.importers.formats import detect  # slow to import
+
+    try:
+        name = detect(others[0])
+    except BadInput:
+        return
+    sources = " ... ".join(shell_word(path) for path in dict.fromkeys((others[0], others[-1])))
+    raise BadInput(
+        f"{others[0]} is not a flow file but of the format {name}: convert it first, "
+        f"{program('convert')} {sources} {CONVERT} (with your own numbers), and {then} flow.h5"
+    )

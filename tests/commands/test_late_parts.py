@@ -11,18 +11,17 @@ from typing import Any
 
 import pytest
 
-from granpinn import identify, identify_many, results
+from granpinn import identify, identify_many, load, results
 from granpinn.checks import momentum_balance
-from granpinn.command import training_run
 from granpinn.data import Flow
-from granpinn.figures import album
+from granpinn.figures import album, page
 from granpinn.fit import case, prediction
 from granpinn.fit.context import ASSUMPTIONS, CURVE, FIELDS
 from granpinn.output import OutputError
-from granpinn.results.attempt import PENDING, attempt
+from granpinn.results.record import PENDING, why_not_done
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars, sensitivity
-from tests.command.late_parts import FILES, missing, raising, run
+from tests.commands.late_parts import FILES, missing, raising, run
 from tests.runs import tiny
 
 BALANCE = "momentum_balance"
@@ -78,7 +77,7 @@ FAILURES: list[tuple[Any, str, Exception, str, int]] = [
     (case, "baseline", RecursionError("deep\nand\x1b[2J long"), BALANCE, 0),
     (sensitivity, "continued", KeyError("a bug"), ASSUMPTIONS, 0),
     (prediction, "predict", MemoryError(), FIELDS, 1),
-    (training_run.report, "build", RuntimeError("no page today"), "report", 0),
+    (page, "build", RuntimeError("no page today"), "report", 0),
 ]
 
 
@@ -177,10 +176,8 @@ def test_a_member_of_a_batch_fails_alone(
 
 def test_a_disk_that_is_full_is_no_missing_part() -> None:
     with pytest.raises(OutputError, match="no room"):
-        attempt(raising(OutputError("no room")))
-    with pytest.raises(KeyboardInterrupt):
-        attempt(raising(KeyboardInterrupt()))
-    assert attempt(lambda: 3) == 3
+        why_not_done(OutputError("no room"))
+    assert why_not_done(KeyError("a bug")) == "KeyError: 'a bug'"
 
 
 def test_a_figure_fails_alone(
@@ -194,8 +191,8 @@ def test_a_figure_fails_alone(
     title, _ = album.FIGURES["velocity"]
     monkeypatch.setitem(album.FIGURES, "velocity", (title, raising(error)))
     assert run(flow_file, "--out", tmp_path / "run") == 0
-    page = (tmp_path / "run" / "report.html").read_text()
-    assert f"<li>{title}: " in page
+    text = (tmp_path / "run" / "report.html").read_text()
+    assert f"<li>{title}: " in text
     assert not (tmp_path / "run" / "figures" / "velocity.png").exists()
     assert (tmp_path / "run" / "figures" / "evolution.png").exists()
 
@@ -212,7 +209,7 @@ def test_the_answer_comes_before_the_figures_which_may_fail(
         printed.append(capsys.readouterr().out)
         raise ValueError("no font")
 
-    monkeypatch.setattr(training_run.report, "build", fails)
+    monkeypatch.setattr(page, "build", fails)
     assert run(flow_file, "--out", tmp_path / "run") == 0
     assert printed[0].startswith("mu_s")
     assert capsys.readouterr().out == "report: not done: ValueError: no font\n"
@@ -225,8 +222,8 @@ def test_a_page_names_what_was_not_done(
     figures()
     result = identify(flow_file, tiny(steps=3), run_dir=tmp_path)
     results.write_results(result.without("unknown_I0", "a <b> reason"), tmp_path / "results.json")
-    page = training_run.report.build(tmp_path).read_text()
-    assert "<li>Unknown i0: a &lt;b&gt; reason</li>" in page
+    text = load(tmp_path).report().read_text()
+    assert "<li>Unknown i0: a &lt;b&gt; reason</li>" in text
 
 
 @pytest.mark.usefixtures("no_report")
@@ -243,7 +240,7 @@ def test_a_folder_that_vanishes_is_an_error(
         folder.mkdir()
         return folder / "report.html"
 
-    monkeypatch.setattr(training_run.report, "build", removed)
+    monkeypatch.setattr(page, "build", removed)
     assert run(flow_file, "--out", folder) == 1
     err = capsys.readouterr().err.splitlines()[-1]
     assert err.startswith(f"granpinn.train: {folder} was removed during the run")

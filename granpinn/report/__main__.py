@@ -1,5 +1,0 @@
-"""`python -m granpinn.report`: this package has the name of its command."""
-
-from granpinn.command import cli
-
-cli.start("report")
