@@ -1,4 +1,4 @@
-"""Values against their declared types: arguments, fields of records, settings and JSON.
+"""Values against their declared types: arguments, fields of records and settings.
 
 A wrong type ends in one sentence where it is given, before anything is computed with it.
 """
@@ -113,12 +113,11 @@ class WrongTypeError(BadInput):
     """A value has another type than its place declares."""
 
 
-def typed(value: Any, kind: Any, name: str, *, records: bool = False) -> Any:
+def typed(value: Any, kind: Any, name: str) -> Any:
     """A value as its declared type: a list becomes a tuple, a whole number a float.
 
     Args:
         name: of the value, for the message; "": it has none.
-        records: whether a dict stands for a dataclass or a dict of them, as in JSON.
 
     Raises:
         WrongTypeError: the message is one sentence that names the place.
@@ -129,7 +128,7 @@ def typed(value: Any, kind: Any, name: str, *, records: bool = False) -> Any:
     if kind is Any or kind == npt.ArrayLike:
         return value
     if len(parts := _parts(kind)) > 1:
-        return _one_of(value, parts, name, records)
+        return _one_of(value, parts, name)
     if kind in NUMBERS:
         if (number := NUMBERS[kind](value)) is not None:
             return number
@@ -140,66 +139,26 @@ def typed(value: Any, kind: Any, name: str, *, records: bool = False) -> Any:
         if _ordered(value):
             if origin is tuple and inner[-1] is not ... and len(value) != len(inner):
                 raise WrongTypeError(f"{name} must be a list of {len(inner)}, got {shown(value)}")
-            return tuple(
-                typed(one, inner[0], f"{name}[{k}]", records=records) for k, one in enumerate(value)
-            )
-    elif records and is_class and issubclass(origin, dict):
-        if isinstance(value, dict):
-            # A subclass names the type of its values.
-            kinds = dict.fromkeys(value, (inner or get_args(origin.__orig_bases__[0]))[-1])
-            return _made(origin, value, kinds, name)
-    elif records and dataclasses.is_dataclass(kind):
-        if isinstance(value, dict):
-            return _record(value, kind, name)
+            return tuple(typed(one, inner[0], f"{name}[{k}]") for k, one in enumerate(value))
     elif origin in (dict, Mapping):
         if isinstance(value, Mapping) and all(isinstance(key, str) for key in value):
             return value
     elif not is_class or isinstance(value, origin):  # nothing is known of what is no class
         return value
-    kind = dict if records and dataclasses.is_dataclass(kind) else kind
     raise WrongTypeError(f"{name or 'the content'} must be {words(kind)}, got {shown(value)}")
 
 
-def _one_of(value: Any, kinds: Sequence[Any], name: str, records: bool) -> Any:
+def _one_of(value: Any, kinds: Sequence[Any], name: str) -> Any:
     """A value as one of several types; None needs no words where it is one of them."""
     some = [kind for kind in kinds if kind is not types.NoneType]
     if value is None and len(some) < len(kinds):
         return None
     if len(some) == 1:
-        return typed(value, some[0], name, records=records)
+        return typed(value, some[0], name)
     for kind in some:
         with contextlib.suppress(WrongTypeError):
-            return typed(value, kind, name, records=records)
+            return typed(value, kind, name)
     raise WrongTypeError(f"{name} must be {' or '.join(map(words, some))}, got {shown(value)}")
-
-
-def _record(content: dict[str, Any], kind: Any, name: str) -> Any:
-    """The dataclass of a dict, which has every field without a default, and no other key."""
-    fields = {f.name: f for f in dataclasses.fields(kind)}
-    for key in content:
-        if key not in fields:
-            known = ", ".join(fields)
-            raise WrongTypeError(f"{_inside(name, key)} is not known; expected {known}")
-    for key, f in fields.items():
-        if key not in content and f.default is f.default_factory is dataclasses.MISSING:
-            raise WrongTypeError(f"{_inside(name, key)} is missing")
-    return _made(kind, content, _types(kind), name)
-
-
-def _made(kind: Any, content: dict[str, Any], kinds: Mapping[str, Any], name: str) -> Any:
-    """A record, which may refuse its values."""
-    values = {
-        key: typed(value, kinds[key], _inside(name, key), records=True)
-        for key, value in content.items()
-    }
-    try:
-        return kind(**values)
-    except (TypeError, ValueError) as wrong:  # TypeError: a key such as "self"
-        raise WrongTypeError(f"{name}: {wrong}" if name else str(wrong)) from None
-
-
-def _inside(name: str, key: str) -> str:
-    return f"{name}.{key}" if name else key
 
 
 def _number(value: Any) -> float | None:
@@ -245,12 +204,6 @@ def words(kind: Any) -> str:
     if isinstance(origin, type) and issubclass(origin, dict):
         return WORDS[dict]
     return WORDS.get(origin) or f"a {origin.__name__}"
-
-
-def decoded(content: Any, kind: type[T], name: str = "") -> T:
-    """A record from the content of JSON; errors as of `typed`."""
-    record: T = typed(content, kind, name, records=True)
-    return record
 
 
 def parsed(text: str | bytes) -> Any:

@@ -44,7 +44,8 @@ from scipy import special
 from scipy.linalg import block_diag
 
 from granpinn.arrays import Float64
-from granpinn.declared import decoded, parsed
+from granpinn.declared import parsed
+from granpinn.results.decoding import decoded
 
 Pair = tuple[float, float]
 
