@@ -11,6 +11,7 @@ import torch
 from granpinn.checks.momentum_balance import Difference, MomentumBalance
 from granpinn.data import Flow, Truth
 from granpinn.data.scaling import scales_of
+from granpinn.data.schema import Units
 from granpinn.inspection.momentum_balance import Baseline, Point
 from granpinn.kernels.network import OUTPUTS, NetworkSpec, initial_parameters
 from granpinn.physics.constants import Physics
@@ -27,7 +28,6 @@ from granpinn.results import (
     Result,
     Timing,
 )
-from granpinn.results.fields import Units
 from granpinn.results.identified_law import Curve, IdentifiedLaw, StressPoints
 from granpinn.results.records import ErrorBars, Members
 

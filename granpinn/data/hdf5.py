@@ -18,60 +18,40 @@ from granpinn.regular import RETRY, UnsafeFileError, open_regular_file
 MOST_MAPPED = 2**37  # bytes of a file
 
 
+# What an attribute must be, and how NumPy writes it.
+_WORDS = {str: ("one text", "numpy.bytes_"), float: ("a number", "float64"), list: ("numbers",) * 2}
+
+
 @dataclass(frozen=True)
 class Attributes:
     """Attributes of a file or a dataset by name: text, a list of numbers, or `{"type": NAME}`."""
 
     values: dict[str, Any]
 
-    def __contains__(self, name: str) -> bool:
-        return name in self.values
+    def get(self, name: str, kind: type, required: bool = False) -> Any:
+        """A text (str), one number (float) or all numbers (list); None if there is none.
 
-    def text(self, name: str, required: bool = False) -> Any:
-        """A text, None if there is none and none is required; UnsafeFileError for anything else."""
-        value = self._known(name, required)
-        if value is None or isinstance(value, str):
-            return value
-        raise self._wrong(name, "one text", "numpy.bytes_")
-
-    def numbers(self, name: str, required: bool = False) -> Any:
-        """A tuple of numbers, of int for an integer type; None and errors as of `text`."""
-        value = self._known(name, required)
-        if value is None or isinstance(value, list):
-            return None if value is None else tuple(value)
-        raise self._wrong(name, "a number", "float64")
-
-    def number(self, name: str, required: bool = False) -> Any:
-        """One number; None and errors as of `text`."""
-        values = self.numbers(name, required)
-        if values is None:
-            return None
-        if len(values) != 1:
-            raise UnsafeFileError(
-                f"the attribute {name} must be one number, got {len(values)}: correct it"
-            )
-        return float(np.float64(values[0]))
-
-    def _known(self, name: str, required: bool) -> Any:
-        if required and name not in self.values:
+        Raises:
+            UnsafeFileError: it is of another kind, or it is required and missing.
+        """
+        value = self.values.get(name)
+        if value is None and required:
             raise UnsafeFileError(
                 f"the attribute {name} is missing: add it to the root of the file"
             )
-        return self.values.get(name)
-
-    def scalars(self, known: frozenset[str]) -> dict[str, str | float]:
-        """All texts and single numbers except the known ones."""
-        # Attributes with odd names are left out, as they would only clutter reports and tables.
-        named = {n: v for n, v in self.values.items() if n.isidentifier() and n not in known}
-        single = {n: v[0] for n, v in named.items() if isinstance(v, list) and len(v) == 1}
-        return {n: v for n, v in named.items() if isinstance(v, str)} | single
-
-    def _wrong(self, name: str, expected: str, remedy: str) -> UnsafeFileError:
-        value = self.values[name]
+        if kind is float and isinstance(value, list):
+            if len(value) != 1:
+                raise UnsafeFileError(
+                    f"the attribute {name} must be one number, got {len(value)}: correct it"
+                )
+            return float(value[0])
+        if value is None or isinstance(value, kind):
+            return value
         found = value["type"] if isinstance(value, dict) else "text"
         if isinstance(value, list):
             found = f"{len(value)} numbers"
-        return UnsafeFileError(
+        expected, remedy = _WORDS[kind]
+        raise UnsafeFileError(
             f"the attribute {name} must be {expected}, got {found}: write it as {remedy}"
         )
 

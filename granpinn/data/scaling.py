@@ -116,8 +116,8 @@ def initial_height(flow: Flow) -> float:
     rows, columns = np.nonzero(flow.c[0] >= 1)
     if rows.size == 0:
         raise FlowFileError(
-            "c must be 1 at some point of the first frame, got none: the height of the grains "
-            "there sets the length scale"
+            "c must be 1 at some point of the first frame, whose height of grains sets the length "
+            "scale, got none: leave out the frames before the grains are seen"
         )
     h = flow.y[rows] if flow.periodic else flow.height(flow.x[columns], flow.y[rows])
     if flow.periodic:

@@ -14,6 +14,7 @@ import torch
 
 from granpinn.arrays import Float32, plain_array
 from granpinn.data import Flow
+from granpinn.data.schema import Units
 from granpinn.data.symmetry import axes_of
 from granpinn.errors import BadInput
 from granpinn.fit.case import Model
@@ -25,7 +26,6 @@ from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS
 from granpinn.physics.scales import Scales
 from granpinn.regular import UnsafeFileError, read_regular_file
-from granpinn.results.fields import Units
 from granpinn.training.tensor_file import packed, unpacked
 
 FILE = "network.safetensors"

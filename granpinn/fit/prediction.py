@@ -22,6 +22,7 @@ from torch import Tensor
 
 from granpinn.arrays import Float32, Float64, Floats
 from granpinn.data import Flow, TrainingSet, test_grid
+from granpinn.data.schema import Units
 from granpinn.data.symmetry import axes_of
 from granpinn.estimates.confined import undetermined
 from granpinn.fit.case import Case, Model
@@ -33,7 +34,7 @@ from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.rheology import inertial_number
 from granpinn.physics.scales import Quantity, Scales
 from granpinn.results import Fields, Result
-from granpinn.results.fields import D2_STAGNANT, VARIABLES, Units, shearing
+from granpinn.results.fields import D2_STAGNANT, VARIABLES, shearing
 from granpinn.training.operators import operators_of
 from granpinn.uncertainty.determined import applied, determined, percentiles
 from granpinn.uncertainty.determined import with_curve as curve_over

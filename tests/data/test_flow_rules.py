@@ -127,7 +127,7 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
         {"eta_max": np.inf},
         "eta_max must be from 1e-30 to 1e+30, got inf",
     ),
-    "eta_min": ({"eta_min": 2e4}, "eta_min must be at least 0 and below eta_max"),
+    "eta_min": ({"eta_min": 2e4}, "eta_min must be below eta_max, 10000, got 20000"),
     "true friction": ({"truth": Truth(mu_s=-0.1)}, "true_mu_s must be from 1e-30"),
     "attribute": ({"attributes": {"list": [1, 2]}}, "attribute 'list' must be one number or text"),
     "attribute name": ({"attributes": {"a/b": 1}}, "attribute 'a/b' must be one number or text"),
@@ -150,7 +150,7 @@ WALLS: dict[str, tuple[Walls, str]] = {
     "no point": (Walls(np.empty(0), np.empty(0)), "wall_x must hold at least 1 value"),
     "one place": (line((1, 1), (1, 1)), "at least two points that differ"),
     "short": (Walls(np.zeros(2), np.zeros(3)), "wall_y must be [m] = [2], got [3]"),
-    "u alone": (replace(FLOOR, u=full(1.0)), "wall_u must come with wall_v"),
+    "u alone": (replace(FLOOR, u=full(1.0)), "wall_u and wall_v must come together, got no wall_v"),
     "velocity of NaN": (
         replace(FLOOR, u=full(1.0), v=full(NAN)),
         "wall_v must be from",
