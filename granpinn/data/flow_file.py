@@ -136,11 +136,9 @@ def _arrays(file: Hdf5File, units: Units) -> dict[type, dict[str, Any]]:
     with np.errstate(over="ignore"):
         return {
             kind: {
-                rule.name.removeprefix(prefix): np.asarray(
-                    file.datasets[rule.name].values, rule.dtype
-                )
+                rule.name.removeprefix(prefix): np.asarray(read.values, rule.dtype or read.dtype)
                 for rule in rules
-                if rule.name in file.datasets
+                if (read := file.datasets.get(rule.name))
             }
             for kind, (prefix, rules) in RECORDS.items()
         }

@@ -25,7 +25,7 @@ from granpinn.filming.frames import ImageSequence, Picture
 from granpinn.filming.segmentation import Segmentation, segmented
 from granpinn.filming.survey import faults, release, survey
 from granpinn.filming.tracking import FEWEST, LONGEST, WINDOW, velocities
-from granpinn.importers import DataFileError, convert, units, vector_fields
+from granpinn.importers import DataFileError, VectorFields, convert, units
 from granpinn.importers.limits import read_file
 from granpinn.importers.series import frames_of
 from granpinn.importers.settings import SURFACES
@@ -119,7 +119,7 @@ def measure(
     start = (float(kept.t.min()) - (released or 0.0)) * frame
     if settings.start is not None:  # of frame 0
         start = float(kept.t.min()) * frame + units.si(settings.start, "time", "--start")
-    fields = vector_fields(
+    fields = VectorFields(
         **{name: kept[name].to_numpy() for name in ("t", "x", "y", "u", "v")},
         sigma_u=kept.sd.to_numpy(),
         sigma_v=kept.sd.to_numpy(copy=True),

@@ -20,7 +20,7 @@ from granpinn.importers.conversion import convert
 from granpinn.importers.reading import flow, read
 from granpinn.importers.series import read_vectors
 from granpinn.importers.settings import Settings
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 __all__ = [
     "DataFileError",
@@ -32,5 +32,4 @@ __all__ = [
     "from_arrays",
     "read",
     "read_vectors",
-    "vector_fields",
 ]

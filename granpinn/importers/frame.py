@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,14 +57,12 @@ class Frame:
     def apply(self, fields: VectorFields) -> VectorFields:
         """The same vectors in SI."""
         x, y = self.place(fields.x, fields.y)
-        changes: dict[str, Any] = dict(fields.arrays())
-        factors = dict.fromkeys(("u", "sigma_u", "sigma_v"), self.velocity)
-        for name, factor in {**factors, "v": self.up * self.velocity}.items():
-            if name in changes:
-                changes[name] = changes[name] * factor
-        if self.up < 0 and not fields.scattered:
-            y = y[::-1]
-            changes = {name: values[:, ::-1] for name, values in changes.items()}
+        changes = {
+            name: self.velocity * values
+            for name in ("u", "v", "sigma_u", "sigma_v")
+            if (values := getattr(fields, name)) is not None
+        }
+        changes["v"] *= self.up
         changes |= {"t": self.times(fields.t), "x": x, "y": y}
         return replace(fields, **changes, length_unit="m", time_unit="s", velocity_unit="m/s")
 

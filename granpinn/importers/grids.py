@@ -35,7 +35,6 @@ from granpinn.importers.vectors import (
     Validity,
     VectorFields,
     split_gaps,
-    vector_fields,
 )
 
 # Coordinates that differ by less than this part of the spacing belong to one column.
@@ -258,7 +257,7 @@ def grid_frame(
     if y_down is None and (y_down := _y_points_down(columns)) is None:
         found[ROWS] = MIXED
     units = units_of(path, table.units) | {"time_unit": "frame"}
-    return vector_fields(t=[t], **grids, **units, y_down=y_down, facts=found)
+    return VectorFields(t=[t], **grids, **units, y_down=y_down, facts=found)
 
 
 def _to_grid(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:

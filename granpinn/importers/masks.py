@@ -42,8 +42,7 @@ def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> Ve
     masks = [_at_vectors(file, _picture(file), fields) for file in files]
     outside = ~np.broadcast_to(np.stack(masks), fields.u.shape)
     codes = np.where(outside, np.int8(Validity.MASKED), fields.validity)
-    u, v = (np.where(outside, np.nan, a) for a in (fields.u, fields.v))
-    return replace(fields, validity=codes, u=u, v=v)
+    return replace(fields, validity=codes)
 
 
 def _picture(file: Path) -> Any:

@@ -35,7 +35,6 @@ from granpinn.importers.vectors import (
     DataFileError,
     Validity,
     VectorFields,
-    vector_fields,
 )
 
 AUTO = "auto"
@@ -93,10 +92,7 @@ def _with_times(
             f"--times must give another time for every frame of {old.size}, got {t.size} times, "
             f"{np.unique(t).size} of them different: check them"
         )
-    new = t[np.searchsorted(old, fields.t)]
-    if fields.scattered:
-        return replace(fields, t=new, time_unit=unit)
-    return replace(_at(fields, np.argsort(new)), t=np.sort(new), time_unit=unit)
+    return replace(fields, t=t[np.searchsorted(old, fields.t)], time_unit=unit)
 
 
 def _times_in_names(files: Sequence[Path]) -> Float64:
@@ -143,9 +139,7 @@ def measured(fields: VectorFields, settings: Settings) -> VectorFields:
     codes = np.where(fields.validity == Validity.INTERPOLATED, np.int8(code), fields.validity)
     if settings.zeros == "missing":
         codes[(fields.u == 0) & (fields.v == 0)] = Validity.INVALID
-    gone = codes == Validity.INVALID
-    u, v = (np.where(gone, np.nan, a) for a in (fields.u, fields.v))
-    return replace(fields, validity=codes, u=u, v=v)
+    return replace(fields, validity=codes)
 
 
 def frames_of(text: str) -> slice:
@@ -277,16 +271,15 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
             )
         if not first.scattered:
             _check_grid(file, files[0], part, first)
-    arrays = {n: np.concatenate([part.arrays()[n] for part in parts]) for n in first.arrays()}
-    axes = {"y": first.y, "x": first.x}
-    if first.scattered:
-        axes = {name: np.concatenate([getattr(part, name) for part in parts]) for name in axes}
-    units = {name: getattr(first, name) for name in GROUPS}
+    names = (*first.arrays(), *(("y", "x") if first.scattered else ()))
+    arrays: dict[str, Any] = {
+        n: np.concatenate([getattr(part, n) for part in parts]) for n in names
+    }
     # One file whose rows show no direction of y leaves it open for all.
     oriented = next((part for part in parts if part.y_down is None), first)
     facts = first.facts | {ROWS: MIXED} if oriented.facts.get(ROWS) == MIXED else first.facts
     t = np.concatenate(_times(parts))
-    return vector_fields(t=t, **axes, **arrays, **units, y_down=oriented.y_down, facts=facts)
+    return replace(first, t=t, **arrays, y_down=oriented.y_down, facts=facts)
 
 
 def _common(fields: VectorFields) -> dict[str, Any]:

@@ -42,7 +42,6 @@ from granpinn.importers.vectors import (
     DataFileError,
     Validity,
     VectorFields,
-    vector_fields,
 )
 
 _TRACKPY = {"mass", "ecc", "raw_mass", "signal", "size"}
@@ -108,7 +107,7 @@ def read(path: Path, window: int) -> VectorFields:
     )
     order = order[finite[order]]
     parts: dict[str, Any] = {**motion._asdict(), "t": t}
-    return vector_fields(
+    return VectorFields(
         **{name: part[order] for name, part in parts.items() if part is not None},
         validity=np.where(measured, Validity.VALID, Validity.INVALID)[order],
         **units,
