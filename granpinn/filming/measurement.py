@@ -101,8 +101,8 @@ def measure(
             )
         notes.append(f"tilt {tilt:.2f} +- {sd:.2f} deg, of the straight floor, taken as level")
         settings = dataclasses.replace(settings, tilt=f"{tilt!r} deg")
-    angle = units.si(settings.tilt, "angle", "--tilt")
-    gravity = units.si(settings.gravity, "acceleration", "--gravity")
+    angle = units.SI.number(settings.tilt, "angle", "--tilt")
+    gravity = units.SI.number(settings.gravity, "acceleration", "--gravity")
     share = acceleration * pixel / frame**2 / gravity
     _require_falling(share, _descent(kept, angle), settings.force)
     for text in notes:
@@ -118,7 +118,7 @@ def measure(
         settings = dataclasses.replace(settings, surface_sd=sd_of_line)
     start = (float(kept.t.min()) - (released or 0.0)) * frame
     if settings.start is not None:  # of frame 0
-        start = float(kept.t.min()) * frame + units.si(settings.start, "time", "--start")
+        start = float(kept.t.min()) * frame + units.SI.number(settings.start, "time", "--start")
     fields = VectorFields(
         **{name: kept[name].to_numpy() for name in ("t", "x", "y", "u", "v")},
         sigma_u=kept.sd.to_numpy(),
@@ -156,7 +156,7 @@ def _calibration(settings: FilmSettings) -> tuple[float, float, float]:
             "'0.8 mm': give all of them"
         )
     pixel, frame = units.scale(scale), units.frame_time(rate, "--frame-rate")
-    grain = units.si(d, "length", "--grain-diameter") / pixel
+    grain = units.SI.number(d, "length", "--grain-diameter") / pixel
     if not 2 <= grain <= 100:
         raise DataFileError(
             f"a grain must be 2 to 100 px wide, got {grain:.3g} px: check --scale and "

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,13 @@ from granpinn.data.scaling import scales_of
 from granpinn.data.surface import folded
 from granpinn.importers import points
 from granpinn.importers import surface as surfaces
-from granpinn.importers.frame import Frame, calibration, frame_of, missing_units, require_agreement
+from granpinn.importers.frame import (
+    Frame,
+    frame_of,
+    missing_units,
+    require_agreement,
+    stated_calibration,
+)
 from granpinn.importers.limits import require_room
 from granpinn.importers.masks import with_mask
 from granpinn.importers.series import Source, measured, selected_frames, vectors_of
@@ -209,7 +214,7 @@ def _within(surface: Surface | None, t: Any) -> Surface | None:
 def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool) -> dict[str, Any]:
     """Standard deviations from the files, or one number from the settings."""
     if settings.sigma is not None:
-        sigma = frame.number(settings.sigma, "velocity", "--sigma")
+        sigma = frame.calibration.positive(settings.sigma, "velocity", "--sigma")
         return dict.fromkeys(("sigma_u", "sigma_v"), sigma)
     found: dict[str, Any] = {}
     for name in ("sigma_u", "sigma_v"):
@@ -256,8 +261,9 @@ def _window(fields: VectorFields, settings: Settings, frame: Frame) -> dict[str,
     """The window of --window; its pixels may be those of the header."""
     if settings.window is None:
         return {}
-    pixel = frame.pixel or calibration(fields.facts)[0]
-    window = replace(frame, pixel=pixel).number(settings.window, "length", "--window")
+    pixel = frame.calibration.pixel or stated_calibration(fields.facts)[0]
+    known = frame.calibration._replace(pixel=pixel)
+    window = known.positive(settings.window, "length", "--window")
     if not 0 < window < np.ptp(fields.x) * frame.length:
         raise DataFileError(
             f"--window must be a length below the width of the field of vectors, got "

@@ -33,9 +33,7 @@ class Frame:
         t0, start: the time t0 of the files is `start`, in SI.
         up: -1 where y and v of the files point down, else 1.
         gravity: (g_x, g_y) in the new axes.
-        pixel, delay, interval: meters per pixel; seconds between the images of a pair, and between
-            frames; or None.
-        dimensionless: whether there are no units.
+        calibration: what is known of pixels and frames.
         counts: whether the times of the files are numbers of frames.
     """
 
@@ -48,11 +46,8 @@ class Frame:
     start: float
     up: int
     gravity: tuple[float, float]
-    pixel: float | None = None
-    delay: float | None = None
-    interval: float | None = None
-    dimensionless: bool = False
-    counts: bool = False
+    calibration: units.Calibration
+    counts: bool
 
     def apply(self, fields: VectorFields) -> VectorFields:
         """The same vectors in SI."""
@@ -81,14 +76,13 @@ class Frame:
             return self.times(t)
         if not units.has(unit, "frame"):
             return t * self.factor(unit, "time", what)
-        if not self.counts or self.interval is None:
+        interval = self.calibration.interval
+        if not self.counts or interval is None:
             raise DataFileError(
                 f"{what} must be a time, as the vectors have times, got numbers of frames: give "
                 "a column t"
             )
-        if unit == "frame":
-            return self.times(t)
-        return self.times(t * self.factor(unit, "time", what) / self.interval)
+        return self.times(t * self.factor(unit, "time", what) / interval)
 
     def factor(self, unit: str | None, dimension: str, what: str) -> float:
         """SI units in one unit of a column; without a unit it has that of the vectors.
@@ -97,21 +91,9 @@ class Frame:
             dimension: length, time, velocity or pressure, which has no unit of the vectors.
             what: the column, for messages.
         """
-        if not unit or (self.dimensionless and unit in ("1", "-")):
+        if not unit:
             return float(getattr(self, dimension, 1.0))
-        if self.dimensionless:
-            raise DataFileError(f"{what} must be without a unit with --dimensionless, got {unit}")
-        frame = self.interval if dimension == "time" else self.delay
-        return units.factor(unit, dimension, what, self.pixel, frame)
-
-    def number(self, text: str, dimension: str, flag: str) -> float:
-        """The number of a flag in SI, such as that of --sigma '0.1 px/frame'."""
-        if self.dimensionless:
-            found = units.plain(text, flag)
-        else:
-            value, unit = units.split(text, flag)
-            found = value * self.factor(unit or "1", dimension, flag)
-        return units.in_range(found, flag, text)
+        return self.calibration.factor(unit, dimension, what)
 
 
 def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
@@ -155,44 +137,32 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
     """
     up = _up(fields, settings)
     counted = _counted(fields, settings)
-    pixel = interval = delay = None
-    g: float | None = 1.0
-    if settings.dimensionless:
-        length = time = velocity = 1.0
-        if counted:
-            rate = settings.frame_rate or ""
-            value = units.plain(rate, "--frame-rate")
-            time = interval = 1 / units.in_range(value, "--frame-rate", rate)
+    calibration = settings.calibration
+    names = _units(fields, settings)
+    length = calibration.factor(names[0] or "", "length", "--length-unit")
+    time = calibration.factor(names[1] or "", "time", "--time-unit")
+    if TRACK_WINDOW in fields.facts:
+        velocity, stated = length / time, settings.velocity_unit
+        if stated and not math.isclose(
+            velocity, calibration.factor(stated, "velocity", "--velocity-unit")
+        ):
+            raise DataFileError(
+                f"--velocity-unit must be the unit of x and y over that of t for tracks, got "
+                f"{stated}: leave it out"
+            )
     else:
-        if settings.scale is not None:
-            pixel = units.scale(settings.scale)
-        if settings.frame_rate is not None:
-            interval = delay = units.frame_time(settings.frame_rate, "--frame-rate")
-        if settings.pulse_delay is not None:
-            delay = units.frame_time(settings.pulse_delay, "--pulse-delay")
-        names = _units(fields, settings)
-        length = units.factor(names[0] or "", "length", "--length-unit", pixel)
-        time = units.factor(names[1] or "", "time", "--time-unit", pixel, interval)
-        velocity = units.factor(names[2] or "", "velocity", "--velocity-unit", pixel, delay)
-    if not settings.dimensionless or settings.gravity != Settings.gravity:
-        g = settings.number("gravity")
-    assert g is not None
-    angle = units.si(settings.tilt, "angle", "--tilt")
+        velocity = calibration.factor(names[2] or "", "velocity", "--velocity-unit")
+    default = settings.dimensionless and settings.gravity == Settings.gravity
+    g = 1.0 if default else settings.number("gravity") or 0.0
+    angle = units.SI.number(settings.tilt, "angle", "--tilt")
     if not abs(angle) < math.pi / 2:
         raise DataFileError(
             f"--tilt must be an angle between -90 and 90 deg, got {settings.tilt!r}: turn the "
             "pictures by quarters first"
         )
-    if TRACK_WINDOW in fields.facts:
-        if settings.velocity_unit and not math.isclose(velocity, length / time):
-            raise DataFileError(
-                f"--velocity-unit must be the unit of x and y over that of t for tracks, got "
-                f"{settings.velocity_unit}: leave it out"
-            )
-        velocity = length / time
     t0, start = float(fields.t.min()), settings.number("start")
-    if start is None and counted and interval is not None:
-        start = 0.0 if fields.scattered else HALF * interval
+    if start is None and counted and calibration.interval is not None:
+        start = 0.0 if fields.scattered else HALF * calibration.interval
     if start is None:  # the times of the files
         t0 = start = 0.0
     return Frame(
@@ -204,10 +174,7 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         start,
         up,
         gravity=(g * math.sin(angle), -g * math.cos(angle)),
-        pixel=pixel,
-        delay=delay,
-        interval=interval,
-        dimensionless=settings.dimensionless,
+        calibration=calibration,
         counts=counted,
     )
 
@@ -262,7 +229,7 @@ def _require_equal(quantity: str, settle: str, first: Statement, other: Statemen
         raise DataFileError(f"{quantity} is stated twice: {said}: {settle}")
 
 
-def calibration(facts: Mapping[str, str]) -> tuple[float | None, float | None]:
+def stated_calibration(facts: Mapping[str, str]) -> tuple[float | None, float | None]:
     """Meters per pixel and seconds between the images of a pair, None where a file states none.
 
     PIVlab writes the factors 1 and 1 for vectors that are not calibrated.
@@ -289,33 +256,33 @@ def require_agreement(fields: VectorFields, settings: Settings, frame: Frame) ->
     """
     if settings.dimensionless:
         return
-    pixel, delay = calibration(fields.facts)
-    if pixel is not None and settings.scale is not None and frame.pixel is not None:
+    pixel, delay = stated_calibration(fields.facts)
+    known = frame.calibration
+    if pixel is not None and settings.scale is not None and known.pixel is not None:
         _require_equal(
             "the size of a pixel",
             "leave --scale out if the header is right, else export the vectors in pixels",
             Statement(pixel, units.shown(pixel, "m/px"), "the header"),
-            Statement(frame.pixel, settings.scale, "--scale"),
+            Statement(known.pixel, settings.scale, "--scale"),
         )
-    if delay is not None and frame.delay is not None:
-        _delay(fields, settings, frame.delay, delay)
+    if delay is not None and known.delay is not None:
+        _delay(fields, settings, known.delay, delay)
     _interval(fields, settings, frame)
     _require_same_units(fields, settings)
 
 
 def _delay(fields: VectorFields, settings: Settings, given: float, stated: float) -> None:
     """The time between the images of a pair, `given` by a flag and `stated` by the header."""
-    never = stated == NEVER_SET
-    if never and units.has(settings.velocity_unit or fields.velocity_unit, "frame"):
+    if stated == NEVER_SET and units.has(settings.velocity_unit or fields.velocity_unit, "frame"):
         return
     flag = "--frame-rate" if settings.pulse_delay is None else "--pulse-delay"
     shown = units.shown(stated, "s")
     _require_equal(
         "the time between the two images of a pair",
         f'give --pulse-delay "{shown}" for double frames if the header is right, '
-        + "--velocity-unit m/frame if its time was never set, " * never
-        + "or export the vectors in pixels if it is wrong",
-        Statement(stated, shown + " (exactly 1, so probably never set)" * never, "the header"),
+        "--velocity-unit m/frame if its time was never set, which programs write as 1 s, or "
+        "export the vectors in pixels if it is wrong",
+        Statement(stated, shown, "the header"),
         Statement(given, units.shown(given, "s"), f"{flag} (you)"),
     )
 
@@ -323,7 +290,7 @@ def _delay(fields: VectorFields, settings: Settings, given: float, stated: float
 def _interval(fields: VectorFields, settings: Settings, frame: Frame) -> None:
     unit = settings.time_unit or fields.time_unit
     times = np.unique(fields.t)
-    interval = frame.interval
+    interval = frame.calibration.interval
     if interval is None or frame.counts or times.size < 2:
         return
     steps = np.diff(times) * frame.time  # the shortest one is that of a film without lost frames

@@ -192,16 +192,28 @@ class Settings:
         """The same in words."""
         return "at least one frame" if self.steady else "at least two frames (or one and --steady)"
 
+    @property
+    def calibration(self) -> units.Calibration:
+        """What the settings say of pixels and frames."""
+        rate, flag = self.frame_rate, "--frame-rate"
+        interval = pixel = delay = None
+        if rate is not None and self.dimensionless:
+            interval = 1 / units.Calibration(dimensionless=True).positive(rate, "time", flag)
+        elif rate is not None:
+            interval = delay = units.frame_time(rate, flag)
+        if self.scale is not None and not self.dimensionless:
+            pixel = units.scale(self.scale)
+        if self.pulse_delay is not None and not self.dimensionless:
+            delay = units.frame_time(self.pulse_delay, "--pulse-delay")
+        return units.Calibration(pixel, delay, interval, self.dimensionless)
+
     def number(self, name: str) -> float | None:
         """A setting of `QUANTITIES` in SI, or as it is without units; None if it is not given."""
-        text, flag = getattr(self, name), flag_of(name)
+        text = getattr(self, name)
         if text is None:
             return None
-        if self.dimensionless:
-            value = units.plain(text, flag)
-        else:
-            value = units.si(text, QUANTITIES[name], flag)
-        return value if name == "start" else units.in_range(value, flag, text)
+        convert = self.calibration.number if name == "start" else self.calibration.positive
+        return convert(text, QUANTITIES[name], flag_of(name))
 
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):

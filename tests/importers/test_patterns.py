@@ -87,7 +87,7 @@ def test_long_units_and_quantities_are_refused_at_once(piece: str) -> None:
         lambda: units.unit(text, "--length-unit"),
         lambda: units.split(text, "--scale"),
         lambda: units.scale(text),
-        lambda: units.plain(text, "--gravity"),
+        lambda: units.number(text, "--gravity"),
     ):
         with pytest.raises(DataFileError) as caught:
             call()
