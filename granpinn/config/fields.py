@@ -108,7 +108,7 @@ def most_like(name: str, known: Iterable[str]) -> str | None:
 def unknown(shown: str, name: str, known: Iterable[str]) -> str:
     """The sentence about a setting that does not exist, with the nearest of the known names."""
     near = most_like(name, known)
-    hint = f"did you mean {near}?" if near else "granpinn train --help lists them"
+    hint = f"did you mean {near}?" if near else "--help lists them"
     return f"unknown setting {shown}: {hint}"
 
 

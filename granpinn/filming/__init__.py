@@ -11,7 +11,7 @@ from typing import Any
 from granpinn.config import settings_of
 from granpinn.data.flow import Flow
 from granpinn.importers import DataFileError, Settings
-from granpinn.importers.reading import settings_from
+from granpinn.importers.conversion import settings_from
 
 # Settings of a conversion that have no meaning for pictures.
 WITHOUT = (

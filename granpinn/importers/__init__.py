@@ -11,13 +11,10 @@ The files of this folder in the order in which a conversion passes them:
                     what files and flags state twice must agree
     points.py       given lines of the surface and walls
     conversion.py   the whole chain; grains and surface (surface.py), settings -> `Flow`
-
-reading.py calls conversion.py from Python, granpinn/commands/convert.py as a command.
 """
 
 from granpinn.importers.arrays import from_arrays
-from granpinn.importers.conversion import convert
-from granpinn.importers.reading import flow, read
+from granpinn.importers.conversion import convert, flow, read
 from granpinn.importers.series import read_vectors
 from granpinn.importers.settings import Settings
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields

@@ -1,21 +1,21 @@
-"""Conversion of files to a flow: vectors, calibration, grains, free surface, material."""
+"""Conversion of files, or of arrays, to a flow: vectors, calibration, grains, surface, material."""
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from granpinn.arrays import Bool
+from granpinn.config import settings_of
+from granpinn.config.fields import unknown
 from granpinn.data.flow import (
     STEADY,
     SURFACE_SD,
-    WALL_GAP,
     WINDOW,
     Flow,
     FlowFileWarning,
@@ -23,10 +23,11 @@ from granpinn.data.flow import (
     Surface,
 )
 from granpinn.data.particles import particle_flow
-from granpinn.data.scaling import scales_of
 from granpinn.data.surface import folded
+from granpinn.declared import checked
 from granpinn.importers import points
 from granpinn.importers import surface as surfaces
+from granpinn.importers.arrays import ARRAYS, from_dataset
 from granpinn.importers.frame import (
     Frame,
     frame_of,
@@ -40,6 +41,8 @@ from granpinn.importers.series import Source, measured, selected_frames, vectors
 from granpinn.importers.settings import SURFACES, Settings, material_of, missing_constants
 from granpinn.importers.vectors import GAPS, DataFileError, Validity, VectorFields
 
+S = TypeVar("S", bound=Settings)
+SETTINGS = tuple(settings_of(Settings))
 ROUNDING = 1e-6  # of times in float32
 MENDED = 2.0  # spacings of a window that averaging mends (bench/studies/window)
 
@@ -64,13 +67,12 @@ def convert(
         DataFileError: files or settings cannot be used; the message is one sentence.
     """
     settings = settings or Settings()
-    tell = report or (lambda line: None)
-    fields = vectors_of(source, settings)
-    numbers = [a for a in fields.arrays().values() if a.dtype.kind == "f"]
-    require_room(sum(a.size for a in numbers), 8, fields.facts.get("format", "the arrays"))
-    tell(_described(fields))
-    whole, fields = fields, measured(fields, settings)
-    fields = selected_frames(fields, settings)
+    tell = report or str
+    whole = vectors_of(source, settings)
+    count = sum(a.size for name, a in whole.arrays().items() if name != "validity")
+    require_room(count, 8, whole.facts.get("format", "the arrays"))
+    tell(_described(whole))
+    fields = selected_frames(measured(whole, settings), settings)
     missing = missing_units(fields, settings) + missing_constants(settings)
     if missing:
         raise DataFileError(f"missing: {'; '.join(missing)}")
@@ -80,19 +82,20 @@ def convert(
     frame = frame_of(fields, settings)
     require_agreement(whole, settings, frame)
     si = frame.apply(fields)
-    given = wall_points = None
+    given = None
     if line is not None:
         given = points.surface_of(line, frame)
     elif settings.surface not in SURFACES:
         given = points.read_surface(Path(settings.surface), frame)
+    constants["gravity"] = frame.gravity
+    constants["attributes"] = _attributes(fields, settings) | lengths
+    constants["attributes"] |= _window(whole, settings, frame)
     if settings.walls is not None:
-        wall_points = points.read_walls(Path(settings.walls), frame)
-    attributes = _attributes(fields, settings) | lengths | _window(whole, settings, frame)
-    constants |= {"gravity": frame.gravity, "attributes": attributes, "walls": wall_points}
+        constants["walls"] = points.read_walls(Path(settings.walls), frame)
     make = scattered_flow if si.scattered else grid_flow
     flow = make(si, settings, frame, given, constants)
-    for text in _summary(flow):
-        tell(text)
+    for name, text in flow.described().items():
+        tell(f"{name}: {text}")
     inferred = fields.facts.get("mask") == GAPS and settings.mask is None and fields.c is None
     if inferred and given is None and flow.surface is not None:
         tell(
@@ -100,6 +103,89 @@ def convert(
             "give --mask or --surface if the PIV program lost vectors there"
         )
     return flow
+
+
+@checked
+def read(source: Source, **settings: Any) -> Flow:
+    """A flow from files of a PIV, PTV or simulation program, or from arrays.
+
+        flow = granpinn.read(
+            "run/PIVlab_*.txt",
+            scale="0.12 mm/px",
+            frame_rate="500 Hz",
+            grain_diameter="0.8 mm",
+            grain_density="2500 kg/m^3",
+            solid_fraction=0.6,
+        )
+
+    Args:
+        source: files, folders or patterns; or a mapping of arrays t, y, x, u, v (see
+            granpinn.importers.arrays).
+        settings: as of `python -m granpinn.convert`, with _ for - (see
+            granpinn.importers.settings).
+
+    Raises:
+        granpinn.importers.DataFileError: files or settings cannot be used; one sentence.
+    """
+    return convert(source, settings_from(settings, Settings))
+
+
+def flow(
+    data: Any = None, /, *, surface: Sequence[npt.ArrayLike] | str | None = None, **given: Any
+) -> Flow:
+    """A flow from arrays in memory, or from xarray.
+
+        flow = granpinn.flow(
+            t=t, y=y, x=x, u=u, v=v,
+            length_unit="mm", time_unit="s", velocity_unit="m/s",
+            grain_diameter="0.8 mm",
+            grain_density="2500 kg/m^3",
+            solid_fraction=0.6,
+        )
+        flow = granpinn.flow(dataset, grain_diameter="0.8 mm", ...)
+
+    The result is in SI. `dimensionless=True` takes arrays without units.
+
+    Args:
+        data: an xarray.Dataset with u and v over (t, y, x), whose `units` are read.
+        surface: t, x and y [n] of points of the free surface, in the units and axes of the arrays;
+            or the setting.
+        given: arrays t [T], y [Y], x [X], u and v [T, Y, X], or all [n] for scattered vectors, NaN
+            where there is no vector; optional ones as in granpinn.importers.arrays (c, mask,
+            sigma_u, ...); and settings, as of `granpinn convert` with _ for -, numbers with units
+            as text.
+
+    Raises:
+        DataFileError: arrays or settings cannot be used; the message is one sentence.
+    """
+    # The setting `mask` is the name of a file.
+    arrays = [n for n in given if n in ARRAYS and not isinstance(given[n], str)]
+    parts = {name: given.pop(name) for name in arrays}
+    if data is not None and (parts or not hasattr(data, "data_vars")):
+        raise DataFileError(
+            "flow takes one xarray.Dataset with u and v, or arrays by their names as "
+            f"flow(t=t, y=y, x=x, u=u, v=v, ...), got {', '.join(parts) or type(data).__name__}"
+        )
+    if isinstance(surface, str):
+        given["surface"], surface = surface, None
+    source = parts if data is None else from_dataset(data)
+    return convert(source, settings_from(given, Settings), line=surface)
+
+
+def settings_from(given: Mapping[str, Any], kind: type[S], names: Collection[str] = SETTINGS) -> S:
+    """The settings of a conversion.
+
+    Args:
+        kind: the record.
+        names: of its settings that may be given.
+
+    Raises:
+        DataFileError: a name is unknown.
+    """
+    for name in given:
+        if name not in names:
+            raise DataFileError(unknown(name, name, [*names, *ARRAYS]))
+    return kind(**given)
 
 
 def grid_flow(
@@ -295,37 +381,3 @@ def _described(fields: VectorFields) -> str:
         origin += f", {files} file{'s' * (files != '1')}"
     units = fields.velocity_unit or "of unknown unit"
     return f"{origin}: {frames} frames, {shape} vectors {units}: {shares}"
-
-
-def _summary(flow: Flow) -> list[str]:
-    """Sizes and speeds that show an error of calibration at a glance."""
-    scales = scales_of(flow)
-    length, time = ("", "") if flow.length_unit == "1" else (" m", " s")
-    particles = flow.particles
-    u, v = (flow.u, flow.v) if particles is None else (particles.u, particles.v)
-    grains = flow.valid if particles is None else np.isfinite(u)
-    speed = np.hypot(u[grains], v[grains], dtype=np.float64)
-    g_x, g_y = flow.gravity
-    lines = [
-        f"time {flow.t[0]:.4g} to {flow.t[-1]:.4g}{time}, x {flow.x[0]:.4g} to {flow.x[-1]:.4g}"
-        f"{length}, y {flow.y[0]:.4g} to {flow.y[-1]:.4g}{length}",
-        f"speed: median {np.median(speed):.3g}, largest {speed.max():.3g}{length}"
-        f"{'/s' if time else ''}; a free fall over the initial height ends at "
-        f"{math.sqrt(2) * scales.velocity:.3g}",
-        f"grains: initial height {scales.length:.4g}{length} = "
-        f"{scales.length / flow.grain_diameter:.0f} diameters, {int(grains.sum())} vectors in them",
-        f"gravity ({g_x:.4g}, {g_y:.4g}), density {flow.density:.4g} (grains "
-        f"{flow.grain_density or flow.density:.4g})",
-        "free surface: "
-        + ("none (level V0)" if flow.surface is None else f"{flow.surface.t.size} points"),
-    ]
-    if flow.walls is not None:
-        lines.append(f"walls: {int(np.isfinite(flow.walls.x).sum())} points")
-    if gap := flow.attributes.get(WALL_GAP):
-        ratio = scales.length / float(gap)
-        lines.append(
-            f"side walls: the grains are {ratio:.2g} times as high as the gap is wide; the walls "
-            f"carry up to about (wall friction) x {ratio:.2g} of friction, which train counts with "
-            "--side_walls.friction"
-        )
-    return lines

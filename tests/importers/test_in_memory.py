@@ -47,7 +47,7 @@ def dataset() -> Any:
         (arrays() | UNITS | MATERIAL | {"surface": ([0], [1])}, "three arrays t, x, y"),
         (arrays() | UNITS | MATERIAL | {"surface": ([0], [1], [1, 2])}, "of one length"),
         (arrays() | UNITS | MATERIAL | {"surface": ([0], [1], [np.nan])}, "a finite y"),
-        (arrays() | UNITS | MATERIAL | {"surface": "line.csv"}, "three arrays t, x, y"),
+        (arrays() | UNITS | MATERIAL | {"surface": "line.csv"}, "there is no such file"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
