@@ -210,6 +210,14 @@ def layout_of(
     return TextLayout(named, skip)
 
 
+def roles_in(
+    lines: Sequence[str], roles: Mapping[str, Iterable[str]], required: Iterable[str]
+) -> set[str]:
+    """The roles that the columns of a table have; arguments as in `layout_of`."""
+    names = {column.name for column in layout_of(lines, roles, required).named}
+    return {role for role, spellings in roles.items() if names.intersection(spellings)}
+
+
 def _is_row(line: str) -> bool:
     """Whether at least half of the filled cells of a line are numbers, and it is no comment."""
     if line.startswith(("#", "%")):

@@ -41,7 +41,7 @@ FORMATS = {
     "davis": Format("LaVision DaVis text", grids.is_davis, grids.read_davis),
     "basilisk": Format("Basilisk output_field", grids.is_basilisk, grids.read_basilisk),
     "openpiv": Format("OpenPIV text", grids.is_openpiv, grids.read_openpiv),
-    "table": Format("a table of x, y, u, v", grids.is_table, grids.read_any),
+    "table": Format("a table of x, y, u, v", grids.is_table, grids.read_table_of_vectors),
     "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
 }
 

@@ -25,6 +25,7 @@ from granpinn.importers.columns import (
     read_headed,
     read_table,
     require_finite,
+    roles_in,
     text_lines,
     units_of,
 )
@@ -63,7 +64,6 @@ PIVLAB_TYPES = {
 }
 _FRAME = re.compile(r"FRAME:\s*+(\d++)")
 _FACTOR = re.compile(r"conversion factor (xy|uv) \((?:px -> m|px/frame -> m/s)\):\s*+([-+.\deE]++)")
-_NUMBER_FIRST = re.compile(r"\s*+[-+]?(?:\d|\.\d|nan|inf)", re.IGNORECASE)
 
 
 def is_pivlab(path: Path, head: bytes) -> bool:
@@ -75,19 +75,10 @@ def is_pivlab(path: Path, head: bytes) -> bool:
 
 def read_pivlab(path: Path) -> VectorFields:
     """One frame of PIVlab."""
-    lines = text_lines(path)
-    start = next((i for i, line in enumerate(lines) if _NUMBER_FIRST.match(line)), len(lines))
-    above = [line.lstrip("# ") for line in lines[:start] if line.strip()]
-    head = "\n".join(above)
-    names = [line for line in above if not line.startswith(PIVLAB)]
-    if len(names) != 1:
-        found = f"{names[1][:40]!r} as another" if names else "none"
-        raise DataFileError(
-            f"{path} must have one line with the names of its columns, got {found}: export the "
-            "vectors again, as an ASCII chart with column headers"
-        )
-    roles = _VECTORS | {"type": ("vector type",)}
-    table = read_table(path, roles, header(names[0]), "xyuv", start)
+    lines, roles = text_lines(path), _VECTORS | {"type": ("vector type",)}
+    named, skip = layout_of(lines, roles, "xyuv")
+    head = "\n".join(lines[:skip])
+    table = read_table(path, roles, named, "xyuv", skip)
     types = table.columns.pop("type", None)
     frame = _FRAME.search(head)
     return grid_frame(
@@ -128,11 +119,10 @@ _TABLE = {name: NAMES[name] for name in "xyuv"}
 
 def is_table(path: Path, head: bytes) -> bool:
     """Names of x, y, u and v above numbers."""
-    names = {column.name for column in layout_of(lines_of(head), _TABLE, "xyuv").named}
-    return all(names.intersection(spellings) for spellings in _TABLE.values())
+    return {*"xyuv"} <= roles_in(lines_of(head), _TABLE, "xyuv")
 
 
-def read_any(path: Path) -> VectorFields:
+def read_table_of_vectors(path: Path) -> VectorFields:
     """One frame of a table."""
     found = grid_frame(path, read_headed(path, "xyuv", _TABLE), y_down=False)
     if found.length_unit not in (None, "px"):
@@ -160,12 +150,13 @@ def read_davis(path: Path) -> VectorFields:
             "vectors from DaVis as text"
         )
     quoted = head[3].split('"')[1::2]
-    stated = [*zip(quoted[::2], quoted[1::2], strict=False)]
-    lengths = [unit for name, unit in stated if name == "position"]
-    velocities = [unit for name, unit in stated if name in ("velocity", "displacement")]
-    pixels = any(unit in ("pixel", "px") for unit in velocities)
-    velocities = ["px/frame" if unit in ("pixel", "px") else unit for unit in velocities]
-    named = [*map(Column, "xyuv", (*_both(path, lengths), *_both(path, velocities)))]
+    units: dict[str, list[str]] = {"position": [], "velocity": []}
+    for name, unit in zip(quoted[::2], quoted[1::2], strict=False):
+        kind = name.replace("displacement", "velocity")
+        pixels = kind == "velocity" and unit in ("pixel", "px")
+        units.setdefault(kind, []).append("px/frame" if pixels else unit)
+    both = [unit for kind in ("position", "velocity") for unit in _both(path, units[kind])]
+    named = [*map(Column, "xyuv", both)]
     table = read_table(path, _VECTORS, named, "xyuv")
     expected = whole(head[1], f"{path}: columns") * whole(head[2], f"{path}: rows")
     if (count := table.columns["x"].size) != expected:
@@ -177,7 +168,7 @@ def read_davis(path: Path) -> VectorFields:
     for name in "uv":
         table.columns[name] = np.where(none, np.nan, table.columns[name])
     # Of displacements in pixels, the order of the rows shows the direction of y.
-    return grid_frame(path, table, y_down=None if pixels else False)
+    return grid_frame(path, table, y_down=None if "px/frame" in both else False)
 
 
 def _both(path: Path, stated: list[str]) -> tuple[str, str]:

@@ -28,11 +28,11 @@ from granpinn.arrays import Float64
 from granpinn.importers.columns import (
     GROUPS,
     NAMES,
-    layout_of,
     lines_of,
     read_headed,
     require,
     require_finite,
+    roles_in,
     units_of,
 )
 from granpinn.importers.grids import PIVLAB
@@ -56,10 +56,8 @@ def sniff(path: Path, head: bytes) -> bool:
     lines = lines_of(head)
     if lines[0].lstrip("# ").startswith(PIVLAB):
         return False
-    named = layout_of(lines, NAMES, ("x", "y")).named
-    names = {column.name for column in named}
-    x, y, frame, t = (names.intersection(NAMES[role]) for role in ("x", "y", "frame", "t"))
-    return bool(x and y and (frame or t))
+    roles = roles_in(lines, NAMES, ("x", "y"))
+    return {"x", "y"} <= roles and bool(roles & {"frame", "t"})
 
 
 def read(path: Path, window: int) -> VectorFields:

@@ -196,7 +196,7 @@ class Calibration(NamedTuple):
         value, name = split(text, what)
         if name in ("", "1", "-"):
             raise DataFileError(
-                f"{what} must be a {dimension} with its unit, such as "
+                f"{what} must be in a unit of {dimension}, such as "
                 f"{DIMENSIONS[dimension][1]}, got {text!r}"
             )
         return value * self.factor(name, dimension, what)

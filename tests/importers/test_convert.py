@@ -154,7 +154,7 @@ WRONG = {
     ),
     "diameter": (
         ["FILE", "--out", "f.h5", *CAMERA, *MATERIAL[2:], "--grain-diameter", "0.8"],
-        "--grain-diameter must be a length with its unit, such as '0.8 mm', got '0.8'",
+        "--grain-diameter must be in a unit of length, such as '0.8 mm', got '0.8'",
     ),
     "negative": (
         ["FILE", "--out", "f.h5", *CAMERA, *MATERIAL[2:], "--grain-diameter", "-1 mm"],

@@ -68,7 +68,7 @@ WRONG: dict[str, tuple[Callable[[Path], Path], Callable[[str], str], str]] = {
         "must have 5 cells in every row",
     ),
     "empty": (pivlab, lambda s: "", "is empty"),
-    "blank": (pivlab, lambda s: "PIVlab, ASCII chart\n\n", "the names of its columns, got none"),
+    "blank": (pivlab, lambda s: "PIVlab, ASCII chart\n\n", "must have the columns x, y, u, v"),
     "binary": (pivlab, lambda s: "PIVlab\0\0\0", "must be text, got binary"),
     "openpiv flags": (
         openpiv,
