@@ -25,7 +25,7 @@ from granpinn.data.flow import Flow
 from granpinn.data.scaling import RESOLUTION
 from granpinn.data.surface import SAME_TIME, points_of
 from granpinn.data.symmetry import axes_of
-from granpinn.data.walls import Segments, crossed, parted, segments_of
+from granpinn.data.walls import Segments, crossed, segments_of
 from granpinn.physics.axes import Axes
 
 if TYPE_CHECKING:
@@ -217,4 +217,4 @@ def _hidden(
         return scales.points_to_physical(np.stack([x, y, surface[:, 2]], 1))
 
     start, end = in_file(surface[:, :2]), in_file(nearest)
-    return parted(start[:, :2], end[:, :2], segments)
+    return crossed(start[:, :2], end[:, :2], segments)

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.data.flow import Flow, FlowFileWarning
+from granpinn.data.flow import Flow, FlowFileWarning, Walls
 from granpinn.data.walls import Segments, crossed, samples, segments_of
 from granpinn.physics.terms import TERMS
 
@@ -44,7 +44,6 @@ class Touch(NamedTuple):
     Attributes:
         point: x, y, t [n, 3].
         wall: number of the wall of each [n].
-        normal: of the wall [n, 2].
         stated: whether the file states that grains do not slip there [n].
         p: known normal stress [n], or NaN.
         closed: whether no grains flow through the wall [n].
@@ -54,7 +53,6 @@ class Touch(NamedTuple):
 
     point: Float64
     wall: Index
-    normal: Float64
     stated: Bool
     p: Float64
     closed: Bool
@@ -109,7 +107,6 @@ def _touch_in(flow: Flow, frames: Index, segments: Segments, spacing: float) -> 
     return Touch(
         point=np.column_stack([point, t]),
         wall=segments.wall[k],
-        normal=normal,
         stated=stated,
         p=_between(segments.p[k], part),
         closed=closed,
@@ -196,52 +193,40 @@ MOST_WARNINGS = 8
 LEAST_AGREEMENT = 0.9  # of the points of a wall, below which a condition is warned of
 
 
-def walls_of(flow: Flow) -> tuple[Touch, list[WallFacts]] | None:
-    """Points and facts of the walls of a flow; None if it states no walls."""
-    if flow.walls is None:
-        return None
-    segments = segments_of(flow.walls)
+def walls_of(flow: Flow, walls: Walls) -> tuple[Touch, list[WallFacts]]:
+    """Points of walls that grains touch, and the facts of each wall."""
+    segments = segments_of(walls)
     touch, names = _touch(flow, segments), segments.names()
-    points = np.bincount(touch.wall, minlength=len(names))
 
-    def mean(values: Bool | Float64, known: Bool) -> Float64:
-        """Of each wall; NaN without known values."""
-        count = np.bincount(touch.wall, known, len(names))
-        total = np.bincount(touch.wall, np.where(known, values, 0.0), len(names))
-        unknown = np.full(len(names), np.nan)
+    def mean(values: Bool | Float64, known: Bool, otherwise: float) -> Float64:
+        """Of the known values at each wall."""
+        count = np.bincount(touch.wall[known], minlength=len(names))
+        total = np.bincount(touch.wall[known], values[known], len(names))
+        unknown = np.full(len(names), otherwise)
         return np.asarray(np.divide(total, count, out=unknown, where=count > 0))
 
-    closed, sticks = (
-        mean(touch.closed, np.ones(len(touch.wall), bool)),
-        mean(touch.sticks, touch.stated),
-    )
-    pressure = mean(touch.p, np.isfinite(touch.p))
-    without_slip = np.bincount(segments.wall, segments.sticks, minlength=len(names)) > 0
-    facts = [
-        WallFacts(
-            name=name,
-            points=int(points[k]),
-            stated=bool(without_slip[k]),
-            sticks=1.0 if np.isnan(sticks[k]) else float(sticks[k]),
-            closed=1.0 if np.isnan(closed[k]) else float(closed[k]),
-            pressure=None if np.isnan(pressure[k]) else float(pressure[k]),
-        )
-        for k, name in enumerate(names)
-    ]
-    return touch, facts
+    everywhere = np.ones(len(touch.wall), bool)
+    points = np.bincount(touch.wall, minlength=len(names))
+    stated = np.bincount(segments.wall, segments.sticks, minlength=len(names)) > 0
+    sticks = mean(touch.sticks, touch.stated, 1.0)
+    closed = mean(touch.closed, everywhere, 1.0)
+    pressure = mean(touch.p, np.isfinite(touch.p), np.nan)
+    known: list[Any] = [a.tolist() for a in (points, stated, sticks, closed)]
+    load = [None if np.isnan(p) else p for p in pressure.tolist()]
+    return touch, list(map(WallFacts, names, *known, load))
 
 
 def contradictions(facts: Sequence[WallFacts]) -> list[str]:
     """The conditions that the vectors contradict, one sentence each."""
     found = []
     for wall in facts:
-        if wall.points and wall.closed < LEAST_AGREEMENT:
+        if wall.closed < LEAST_AGREEMENT:
             found.append(
                 f"grains flow through {wall.name} at {1 - wall.closed:.0%} of the points where "
                 "they touch it: check its place and its velocity; it is no wall there in the "
                 "training"
             )
-        elif wall.points and wall.stated and wall.sticks < LEAST_AGREEMENT:
+        elif wall.sticks < LEAST_AGREEMENT:
             found.append(
                 f"grains slip along {wall.name} at {1 - wall.sticks:.0%} of the points where the "
                 "file states no slip: there the training only lets no grains through"
@@ -252,7 +237,8 @@ def contradictions(facts: Sequence[WallFacts]) -> list[str]:
 def warn_of_contradictions(facts: Sequence[WallFacts]) -> None:
     """Warns of the first walls that the vectors contradict, and says how many more there are."""
     sentences = contradictions(facts)
-    more = len(sentences) - MOST_WARNINGS
-    rest = [f"the vectors contradict {more} more walls: granpinn inspect --json lists them"]
-    for sentence in sentences[:MOST_WARNINGS] + (rest if more > 0 else []):
+    for sentence in sentences[:MOST_WARNINGS]:
         warnings.warn(sentence, FlowFileWarning, stacklevel=3)
+    if (more := len(sentences) - MOST_WARNINGS) > 0:
+        text = f"the vectors contradict {more} more walls: granpinn inspect --json lists them"
+        warnings.warn(text, FlowFileWarning, stacklevel=3)
