@@ -24,7 +24,7 @@ from granpinn.config import ConfigError, SideWalls, settings_of
 from granpinn.config.fields import flag_of
 from granpinn.data import read_flow
 from granpinn.data.flow_file import is_flow_file
-from granpinn.data.steady import said
+from granpinn.data.symmetry import said
 from granpinn.inspection import AssumedLaw, Inspection, inspect
 from granpinn.output import make_folder, objection_to_folder, write_text
 from granpinn.uncertainty import expected

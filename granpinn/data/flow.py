@@ -138,7 +138,7 @@ class Flow:
             `wall_gap` the distance between side walls, through one of which the grains are seen.
         layer: whether the data alone show that the flow is the same along x, without `period_x`
             (`symmetry.with_layer`); no part of a file.
-        averaged: number of frames whose mean the flow is (`steady.steady_mean`); no part of a file.
+        averaged: number of frames whose mean the flow is (`steady_mean`); no part of a file.
         source: force per mass beside gravity at any point, in the units and axes of the flow, for
             manufactured flows (bench/studies/floor); no part of a file.
         every: every how many frames of a large flow this one has (`large.thinned`); no part of a

@@ -31,15 +31,10 @@ def scales_of(flow: Flow) -> Scales:
     The origin is that of the file for each coordinate that float32 resolves there.
 
     Raises:
-        FlowFileError: the flow has no grains in its first frame, or a scale is not positive.
+        FlowFileError: the flow has no grains in its first frame.
     """
-    try:
-        origin = (origin_of(flow.x), origin_of(flow.y), origin_of(flow.t))
-        return Scales.of(initial_height(flow), flow.gravity, flow.density, origin)
-    except FlowFileError:
-        raise
-    except ValueError as error:
-        raise FlowFileError(str(error)) from None
+    origin = (origin_of(flow.x), origin_of(flow.y), origin_of(flow.t))
+    return Scales.of(initial_height(flow), flow.gravity, flow.density, origin)
 
 
 def origin_of(values: Float64) -> float:

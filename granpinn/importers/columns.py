@@ -18,7 +18,7 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.importers import units
-from granpinn.importers.limits import file_bytes, open_file, read_file, require_room
+from granpinn.importers.limits import file_bytes, read_file, require_room
 from granpinn.importers.vectors import LARGEST, DataFileError, largest
 from granpinn.regular import UnsafeFileError, first_bytes
 
@@ -341,7 +341,7 @@ def _has_commas(lines: Sequence[str], separator: str, kept: Iterable[int]) -> bo
 
 def _last_line(path: Path, encoding: str) -> str:
     """The last line of a file that is not blank, or the end of it."""
-    with open_file(path, MAX_TEXT) as stream:
+    with path.open("rb") as stream:
         stream.seek(-2 * min(stream.seek(0, 2) // 2, HEAD // 2), 2)  # UTF-16 has pairs of bytes
         end = stream.read(HEAD).decode(encoding.removesuffix("-sig"), "replace")
     return end.rstrip("\0\r\n ").replace("\r", "\n").rpartition("\n")[2]

@@ -36,7 +36,6 @@ from granpinn.importers.frame import (
     stated_calibration,
 )
 from granpinn.importers.limits import require_room
-from granpinn.importers.masks import with_mask
 from granpinn.importers.series import Source, measured, selected_frames, vectors_of
 from granpinn.importers.settings import SURFACES, Settings, material_of, missing_constants
 from granpinn.importers.vectors import GAPS, DataFileError, Validity, VectorFields
@@ -78,7 +77,9 @@ def convert(
         raise DataFileError(f"missing: {'; '.join(missing)}")
     constants, lengths = material_of(settings)
     if settings.mask is not None:
-        fields = with_mask(fields, settings.mask, settings.length_unit or fields.length_unit)
+        fields = surfaces.with_mask(
+            fields, settings.mask, settings.length_unit or fields.length_unit
+        )
     frame = frame_of(fields, settings)
     require_agreement(whole, settings, frame)
     si = frame.apply(fields)

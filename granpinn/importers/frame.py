@@ -8,7 +8,7 @@ values, their sources and what settles it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -98,35 +98,27 @@ class Frame:
 
 def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
     """The settings that are missing for the units, one sentence part each."""
+    counted, rate = _counted(fields, settings), settings.frame_rate
     if settings.dimensionless:
-        lacking = _counted(fields, settings) and settings.frame_rate is None
-        return ["--times, or --frame-rate in frames per unit of time"] if lacking else []
+        unknown = counted and rate is None
+        return ["--times, or --frame-rate in frames per unit of time"] if unknown else []
     length, time, velocity = _units(fields, settings)
-    missing = [
-        f"{flag} (the files do not say the unit of {what})"
-        for flag, value, what in (
-            ("--length-unit", length, "x and y"),
-            ("--velocity-unit", velocity or fields.facts.get(TRACK_WINDOW), "u and v"),
-            ("--time-unit", time, "t"),
-        )
-        if value is None
-    ]
-    if settings.scale is None and (units.has(length, "px") or units.has(velocity, "px")):
-        missing.append("--scale, such as '0.12 mm/px' (the vectors are in pixels)")
-    if settings.frame_rate is None and units.has(time, "frame"):
-        missing.append("--frame-rate, such as '500 Hz' (the files hold no time)")
-    elif not (settings.pulse_delay or settings.frame_rate) and units.has(velocity, "frame"):
-        missing.append("--pulse-delay, such as '2 ms' (the vectors are per pair of images)")
-    unclear = units.has(length, "px") or fields.facts.get(ROWS) == MIXED
-    if settings.flip_y == "auto" and fields.y_down is None and unclear:
-        missing.append("--flip-y yes or no (the files do not say whether y points down)")
-    return missing
-
-
-def _up(fields: VectorFields, settings: Settings) -> int:
-    """-1 where y and v of the files point down, else 1."""
-    down = fields.y_down if settings.flip_y == "auto" else settings.flip_y == "yes"
-    return -1 if down else 1
+    pixels, frames = units.has(length, "px"), units.has(velocity, "frame")
+    unclear = settings.flip_y == "auto" and fields.y_down is None
+    unclear = unclear and (pixels or fields.facts.get(ROWS) == MIXED)
+    no_scale = settings.scale is None and (pixels or units.has(velocity, "px"))
+    no_delay = not counted and frames and not (settings.pulse_delay or rate)
+    without = "(the files do not say the unit of"
+    needed = {
+        f"--length-unit {without} x and y)": length is None,
+        f"--velocity-unit {without} u and v)": not (velocity or TRACK_WINDOW in fields.facts),
+        f"--time-unit {without} t)": time is None,
+        "--scale, such as '0.12 mm/px' (the vectors are in pixels)": no_scale,
+        "--frame-rate, such as '500 Hz' (the files hold no time)": counted and rate is None,
+        "--pulse-delay, such as '2 ms' (the vectors are per pair of images)": no_delay,
+        "--flip-y yes or no (the files do not say whether y points down)": unclear,
+    }
+    return [text for text, lacking in needed.items() if lacking]
 
 
 def frame_of(fields: VectorFields, settings: Settings) -> Frame:
@@ -135,7 +127,8 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
     Raises:
         DataFileError: a unit is wrong.
     """
-    up = _up(fields, settings)
+    down = fields.y_down if settings.flip_y == "auto" else settings.flip_y == "yes"
+    up = -1 if down else 1
     counted = _counted(fields, settings)
     calibration = settings.calibration
     names = _units(fields, settings)
@@ -214,19 +207,19 @@ TOLERANCE = 0.02  # relative
 NEVER_SET = 1.0  # s between two images, the default of programs
 
 
-class Statement(NamedTuple):
-    """A value, as `text` in a message, and who states it."""
+class Twice(NamedTuple):
+    """A quantity that is stated twice.
 
-    value: float
-    text: str
-    source: str
+    Attributes:
+        values: the two, in one unit.
+        said: who says what, twice.
+        settle: what the user can do if they differ.
+    """
 
-
-def _require_equal(quantity: str, settle: str, first: Statement, other: Statement) -> None:
-    """Refuses statements of one quantity that differ; `settle` is what the user can do."""
-    if not math.isclose(first.value, other.value, rel_tol=TOLERANCE):
-        said = ", ".join(f"{one.source} says {one.text}" for one in (first, other))
-        raise DataFileError(f"{quantity} is stated twice: {said}: {settle}")
+    quantity: str
+    values: tuple[float, float]
+    said: tuple[str, str]
+    settle: str
 
 
 def stated_calibration(facts: Mapping[str, str]) -> tuple[float | None, float | None]:
@@ -254,69 +247,58 @@ def require_agreement(fields: VectorFields, settings: Settings, frame: Frame) ->
     Raises:
         DataFileError: a quantity is stated twice.
     """
-    if settings.dimensionless:
-        return
+    for twice in () if settings.dimensionless else _stated_twice(fields, settings, frame):
+        if not math.isclose(*twice.values, rel_tol=TOLERANCE):
+            raise DataFileError(
+                f"{twice.quantity} is stated twice: {', '.join(twice.said)}: {twice.settle}"
+            )
+
+
+def _stated_twice(fields: VectorFields, settings: Settings, frame: Frame) -> Iterator[Twice]:
     pixel, delay = stated_calibration(fields.facts)
     known = frame.calibration
-    if pixel is not None and settings.scale is not None and known.pixel is not None:
-        _require_equal(
+    if pixel is not None and known.pixel is not None:
+        yield Twice(
             "the size of a pixel",
+            (pixel, known.pixel),
+            (f"the header says {units.shown(pixel, 'm/px')}", f"--scale says {settings.scale}"),
             "leave --scale out if the header is right, else export the vectors in pixels",
-            Statement(pixel, units.shown(pixel, "m/px"), "the header"),
-            Statement(known.pixel, settings.scale, "--scale"),
         )
-    if delay is not None and known.delay is not None:
-        _delay(fields, settings, known.delay, delay)
-    _interval(fields, settings, frame)
-    _require_same_units(fields, settings)
-
-
-def _delay(fields: VectorFields, settings: Settings, given: float, stated: float) -> None:
-    """The time between the images of a pair, `given` by a flag and `stated` by the header."""
-    if stated == NEVER_SET and units.has(settings.velocity_unit or fields.velocity_unit, "frame"):
-        return
-    flag = "--frame-rate" if settings.pulse_delay is None else "--pulse-delay"
-    shown = units.shown(stated, "s")
-    _require_equal(
-        "the time between the two images of a pair",
-        f'give --pulse-delay "{shown}" for double frames if the header is right, '
-        "--velocity-unit m/frame if its time was never set, which programs write as 1 s, or "
-        "export the vectors in pixels if it is wrong",
-        Statement(stated, shown, "the header"),
-        Statement(given, units.shown(given, "s"), f"{flag} (you)"),
-    )
-
-
-def _interval(fields: VectorFields, settings: Settings, frame: Frame) -> None:
-    unit = settings.time_unit or fields.time_unit
-    times = np.unique(fields.t)
-    interval = frame.calibration.interval
-    if interval is None or frame.counts or times.size < 2:
-        return
-    steps = np.diff(times) * frame.time  # the shortest one is that of a film without lost frames
-    step = min(float(np.median(steps)), float(steps.min()), key=lambda s: abs(s - interval))
-    source = "--times" if settings.times else "the file"
-    _require_equal(
-        "the time between two frames",
-        "leave --frame-rate out if these times are right, or give --pulse-delay "
-        f"'{units.shown(interval, 's')}' in its place if the images of a pair are so far apart; "
-        f"else give --time-unit frame to count the frames, or another one if it is not {unit}",
-        Statement(step, units.shown(step, "s"), source),
-        Statement(interval, units.shown(interval, "s"), "--frame-rate"),
-    )
-
-
-def _require_same_units(fields: VectorFields, settings: Settings) -> None:
+    per_frame = units.has(settings.velocity_unit or fields.velocity_unit, "frame")
+    if delay is not None and known.delay is not None and not (delay == NEVER_SET and per_frame):
+        flag = "--frame-rate" if settings.pulse_delay is None else "--pulse-delay"
+        text = units.shown(delay, "s")
+        yield Twice(
+            "the time between the two images of a pair",
+            (delay, known.delay),
+            (f"the header says {text}", f"{flag} (you) says {units.shown(known.delay, 's')}"),
+            f'give --pulse-delay "{text}" for double frames if the header is right, '
+            "--velocity-unit m/frame if its time was never set, which programs write as 1 s, or "
+            "export the vectors in pixels if it is wrong",
+        )
+    times, interval = np.unique(fields.t), known.interval
+    if interval is not None and not frame.counts and times.size > 1:
+        # The shortest step is that of a film without lost frames.
+        steps = np.diff(times) * frame.time
+        step = min(float(np.median(steps)), float(steps.min()), key=lambda s: abs(s - interval))
+        source, text = "--times" if settings.times else "the file", units.shown(interval, "s")
+        yield Twice(
+            "the time between two frames",
+            (step, interval),
+            (f"{source} says {units.shown(step, 's')}", f"--frame-rate says {text}"),
+            f"leave --frame-rate out if these times are right, or give --pulse-delay '{text}' in "
+            "its place if the images of a pair are so far apart; else give --time-unit frame to "
+            "count the frames, or the true unit of the times",
+        )
     for name in ("length_unit", "time_unit", "velocity_unit"):
         stated, given = getattr(fields, name), getattr(settings, name)
-        if TRACK_WINDOW in fields.facts and name == "velocity_unit":
-            continue  # it follows from the others
-        if stated and given and units.same_dimension(stated, given):
+        follows = name == "velocity_unit" and TRACK_WINDOW in fields.facts
+        if stated and given and not follows and units.same_dimension(stated, given):
             flag = f"--{name.replace('_', '-')}"
-            _require_equal(
+            yield Twice(
                 f"the {name.replace('_', ' ')}",
+                (1.0, units.ratio(given, stated, flag)),
+                (f"the file says {stated}", f"{flag} says {given}"),
                 f"leave {flag} out (the flow file has SI units, whatever the files have), or "
                 "export the file again if it is wrong",
-                Statement(1.0, stated, "the file"),
-                Statement(units.ratio(given, stated, flag), given, flag),
             )

@@ -238,27 +238,11 @@ def grid_frame(
         y_down: None: the order of the rows shows it.
         facts: for the record.
     """
-    columns = dict(table.columns)
-    if validity is not None:
-        columns["validity"] = np.asarray(validity, np.int8)
-    grids, found = _to_grid(path, columns), dict(facts or {})
-    if validity is None:
-        grids["validity"] = split_gaps(np.isfinite(grids["u"]) & np.isfinite(grids["v"]))
-        found["mask"] = GAPS
-    if y_down is None and (y_down := _y_points_down(columns)) is None:
-        found[ROWS] = MIXED
-    units = units_of(path, table.units) | {"time_unit": "frame"}
-    return VectorFields(t=[t], **grids, **units, y_down=y_down, facts=found)
-
-
-def _to_grid(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:
-    """Axes, and arrays [1, Y, X] of one frame, from lists [n]."""
-    axes, places = {}, {}
-    for name in ("x", "y"):
-        require_finite(path, {name: columns[name]})
-        axes[name], places[name] = _axis(columns[name])
-    shape = (axes["y"].size, axes["x"].size)
-    place = np.ravel_multi_index((places["y"], places["x"]), shape)
+    columns, found = dict(table.columns), dict(facts or {})
+    require_finite(path, {name: columns[name] for name in "xy"})
+    (x, column), (y, row) = _axis(columns.pop("x")), _axis(columns.pop("y"))
+    shape = (y.size, x.size)
+    place = np.ravel_multi_index((row, column), shape)
     n_rows, n_places = place.size, np.unique(place).size
     if n_places < n_rows:
         raise DataFileError(
@@ -271,9 +255,19 @@ def _to_grid(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:
             f"{shape[1]} different y and x: the file was cut off or mixes grids; if these are "
             "scattered vectors use --format tracks"
         )
+    if y_down is None and (y_down := _y_points_down(row, column)) is None:
+        found[ROWS] = MIXED
     order = np.argsort(place)
-    grids = {n: a[order].reshape(1, *shape) for n, a in columns.items() if n not in axes}
-    return axes | grids
+    grids: dict[str, Any] = {n: a[order].reshape(1, *shape) for n, a in columns.items()}
+    if validity is None:
+        found["mask"] = GAPS
+        codes = split_gaps(np.isfinite(grids["u"]) & np.isfinite(grids["v"]))
+    else:
+        codes = np.asarray(validity)[order].reshape(1, *shape)
+    units = units_of(path, table.units) | {"time_unit": "frame"}
+    return VectorFields(
+        t=[t], y=y, x=x, **grids, validity=codes, **units, y_down=y_down, facts=found
+    )
 
 
 def _axis(values: Float64) -> tuple[Float64, Any]:
@@ -290,22 +284,22 @@ def _axis(values: Float64) -> tuple[Float64, Any]:
     return axis, index
 
 
-def _y_points_down(columns: Mapping[str, Any]) -> bool | None:
+def _y_points_down(row: Any, column: Any) -> bool | None:
     """Whether y grows along a file that begins at the top of the image.
 
     The order of the rows shows it if x grows along the file and y runs the same way in every
     column. None: rows in another order, such as sorted ones, do not show it.
 
     Args:
-        columns: x and y of a full grid [n], in the order of the file.
+        row, column: of the grid, for every line of the file [n].
     """
-    (x, column), (y, row) = _axis(columns["x"]), _axis(columns["y"])
-    by_rows = row.reshape(y.size, x.size), column.reshape(y.size, x.size)
-    by_columns = row.reshape(x.size, y.size).T, column.reshape(x.size, y.size).T
+    Y, X = int(row.max()) + 1, int(column.max()) + 1
+    by_rows = row.reshape(Y, X), column.reshape(Y, X)
+    by_columns = row.reshape(X, Y).T, column.reshape(X, Y).T
     for rows, places in (by_rows, by_columns):
         step = int(rows[1, 0]) - int(rows[0, 0])
-        if step not in (1, -1) or (places != np.arange(x.size)).any():
+        if step not in (1, -1) or (places != np.arange(X)).any():
             continue
-        if (rows == np.arange(y.size)[::step, None]).all():
+        if (rows == np.arange(Y)[::step, None]).all():
             return step > 0
     return None

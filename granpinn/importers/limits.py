@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from granpinn.data.large import available
 from granpinn.foreign import read_foreign
@@ -48,18 +48,6 @@ def require_room(values: int, bytes_per_value: float, path: Path | str) -> None:
             f"{path} holds {values} numbers, whose conversion needs {COPIES * size / _GIB:.3g} GiB "
             f"of memory, got {free / _GIB:.3g} GiB: use fewer frames or a larger machine"
         )
-
-
-def open_file(path: Path, max_bytes: int) -> BinaryIO:
-    """Opens a regular file with data for reading.
-
-    Raises:
-        DataFileError: it cannot be opened, is no regular file, is empty, or too large.
-    """
-    try:
-        return open_regular_file(path, max_bytes, "split it into one file per frame")
-    except UnsafeFileError as error:
-        raise DataFileError(f"{path}: {error}") from None
 
 
 def file_bytes(path: Path, max_bytes: int = MAX_BYTES) -> int:

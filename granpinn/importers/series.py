@@ -200,18 +200,13 @@ def read_vectors(
                 "convert one kind of files at a time"
             )
         part = FORMATS[name].read(file, *([window] if name == TRACKS else []))
-        parts.append(_counted(part) if count else part)
+        if count and np.unique(part.t).size == 1:
+            part = replace(part, t=np.zeros_like(part.t), time_unit="frame")
+        parts.append(part)
         require_room(len(files) * part.u.size * (len(part.arrays()) - 1), 8, file)
     facts = {"format": FORMATS[name].title, "files": str(len(files))}
     joined = parts[0] if len(parts) == 1 else _joined(files, parts)
     return replace(joined, facts=joined.facts | facts)
-
-
-def _counted(part: VectorFields) -> VectorFields:
-    """The vectors of a file without their time if all have the same time."""
-    if np.unique(part.t).size > 1:
-        return part
-    return replace(part, t=np.zeros_like(part.t), time_unit="frame")
 
 
 def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
@@ -264,13 +259,19 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
                     f"{file} must have the {what} {expected} of {files[0]}, got {found}: convert "
                     "files of one kind at a time"
                 )
-        if None not in (part.y_down, first.y_down) and part.y_down != first.y_down:
+        if {part.y_down, first.y_down} == {True, False}:
             raise DataFileError(
                 f"{file} must have the direction of y of {files[0]}, got the opposite order of "
                 "rows: export both in one way"
             )
-        if not first.scattered:
-            _check_grid(file, files[0], part, first)
+        for name in () if first.scattered else ("y", "x"):
+            a, b = getattr(part, name), getattr(first, name)
+            if a.size != b.size or not np.allclose(a, b, rtol=0, atol=_SAME_GRID * np.ptp(b)):
+                raise DataFileError(
+                    f"{file} must have the grid of {files[0]}, got {a.size} values of {name} from "
+                    f"{a[0]:g} to {a[-1]:g} instead of {b.size} from {b[0]:g} to {b[-1]:g}: "
+                    "convert files of one grid at a time"
+                )
     names = (*first.arrays(), *(("y", "x") if first.scattered else ()))
     arrays: dict[str, Any] = {
         n: np.concatenate([getattr(part, n) for part in parts]) for n in names
@@ -299,26 +300,11 @@ def _times(parts: list[VectorFields]) -> list[Any]:
     counted = all(part.time_unit == "frame" and not part.t.any() for part in parts)
     if ascending or (parts[0].scattered and not counted):
         return times
-    if parts[0].time_unit != "frame":
+    if parts[0].time_unit != "frame" or any(t.min() != 0 for t in times):
         raise DataFileError(
             f"the files must have times that increase with their names, got {times[0][0]:g} and "
-            f"{times[1][0]:g} in the first two: give --times, or --time-unit frame to count them"
-        )
-    if not all(t.min() == 0 for t in times):
-        raise DataFileError(
-            "the files must have frame numbers that increase with their names, got others: rename "
-            "the files, or convert them apart"
+            f"{times[1][0]:g} in the first two: rename them, give --times, or --time-unit frame to "
+            "count them"
         )
     starts = np.cumsum([0, *(np.ptp(t) + 1 for t in times)])
     return [t + start for t, start in zip(times, starts, strict=False)]
-
-
-def _check_grid(file: Path, other: Path, part: VectorFields, first: VectorFields) -> None:
-    for name in ("y", "x"):
-        a, b = getattr(part, name), getattr(first, name)
-        if a.size != b.size or not np.allclose(a, b, rtol=0, atol=_SAME_GRID * np.ptp(b)):
-            raise DataFileError(
-                f"{file} must have the grid of {other}, got {a.size} values of {name} from "
-                f"{a[0]:g} to {a[-1]:g} instead of {b.size} from {b[0]:g} to {b[-1]:g}: convert "
-                "files of one grid at a time"
-            )

@@ -7,7 +7,6 @@ grains. So all readers use one enumeration, and vectors that were not measured a
 from __future__ import annotations
 
 import enum
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -209,11 +208,7 @@ class VectorFields:
 
 def largest(values: npt.NDArray[Any]) -> float:
     """The largest magnitude among the finite values, 0 if there is none."""
-    high = float(np.fmax.reduce(values, axis=None, initial=0.0))
-    low = float(np.fmin.reduce(values, axis=None, initial=0.0))
-    if math.isfinite(high) and math.isfinite(low):
-        return max(high, -low)
-    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+    return float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
 
 
 def split_gaps(measured: Bool) -> Int8:

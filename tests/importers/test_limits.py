@@ -169,7 +169,7 @@ def test_hostile_npz_is_one_sentence(
 def test_the_limit_of_the_address_space_counts() -> None:
     code = (
         "import resource; from granpinn.data import large; "
-        "n = large._address_space() + 2**27; resource.setrlimit(resource.RLIMIT_AS, (n, n)); "
+        "n = large.address_space() + 2**27; resource.setrlimit(resource.RLIMIT_AS, (n, n)); "
         "assert 0 < large.available() <= 2**27"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
