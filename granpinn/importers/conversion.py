@@ -222,25 +222,17 @@ def grid_flow(
     _require_frames(int(kept.sum()), settings)
     if not kept.all():
         _warn(f"{int((~kept).sum())} of {kept.size} frames hold no valid vector and are left out")
-    constants |= _sigmas(fields, settings, frame, usable)
-    for name in ("sigma_u", "sigma_v"):
-        if isinstance(constants.get(name), np.ndarray):
-            constants[name] = constants[name][kept]
+    fields, c = fields.at(kept), c[kept]
     # The unit of a pressure is unknown, and a pressure is for scoring only.
     p = fields.p if settings.dimensionless else None
-    if p is not None and not np.isfinite(p[kept][c[kept] == 1]).all():
+    if p is not None and not np.isfinite(p[c == 1]).all():
         p = None
-    # A vector that is not measured is NaN in both components, also without grains.
-    u, v = (np.where(fields.usable, a, np.nan)[kept] for a in (fields.u, fields.v))
     return Flow(
-        t=fields.t[kept],
-        y=fields.y,
-        x=fields.x,
-        u=u,
-        v=v,
-        c=c[kept].astype(np.float32),
-        p=None if p is None else p[kept].astype(np.float32),
-        surface=_within(surface, fields.t[kept]),
+        **{name: getattr(fields, name) for name in ("t", "y", "x", "u", "v")},
+        c=c.astype(np.float32),
+        p=None if p is None else p.astype(np.float32),
+        surface=_within(surface, fields.t),
+        **_sigmas(fields, settings, frame, usable[kept]),
         **constants,
     )
 
@@ -257,20 +249,20 @@ def scattered_flow(
     if fields.c is not None:
         usable = usable & (fields.c > 1 - surfaces.FULL)
     _require_frames(np.unique(fields.t[usable]).size, settings)
-    surface, wanted = line, settings.surface
+    fields, surface, wanted = fields.at(usable), line, settings.surface
     if surface is None and wanted == "auto" and fields.c is None:
-        t, x, y = (getattr(fields, name)[usable] for name in ("t", "x", "y"))
-        traced = surfaces.surface_of_grains(t, x, y, constants["grain_diameter"], frame.gravity)
+        place = fields.t, fields.x, fields.y
+        traced = surfaces.surface_of_grains(*place, constants["grain_diameter"], frame.gravity)
         if traced is not None:
             surface, sd = traced
             constants["attributes"] = {SURFACE_SD: sd, **constants["attributes"]}
     if surface is None and wanted != "none":
         _warn_of_no_surface("the grains have no edge that faces up and moves")
-    sigmas = _sigmas(fields, settings, frame, usable)
+    sigmas = _sigmas(fields, settings, frame, fields.usable)
+    if settings.sigma is not None:  # one number
+        constants, sigmas = constants | sigmas, {}
     parts = {name: getattr(fields, name) for name in ("t", "x", "y", "u", "v")}
-    parts |= {name: s for name, s in sigmas.items() if isinstance(s, np.ndarray)}
-    particles = Particles(**{name: values[usable] for name, values in parts.items()})
-    constants |= {name: s for name, s in sigmas.items() if name not in parts}
+    particles = Particles(**parts, **sigmas)
     return particle_flow(particles, surface=_within(surface, np.unique(particles.t)), **constants)
 
 

@@ -127,12 +127,6 @@ def _times_of(path: Path) -> tuple[Float64, str | None]:
     return t[np.argsort(frame, kind="stable")], table.units.get("t")
 
 
-def _at(fields: VectorFields, kept: Any) -> VectorFields:
-    """The vectors at these places of their first axis: frames of a grid, or scattered vectors."""
-    names = ("t", *fields.arrays(), *(("y", "x") if fields.scattered else ()))
-    return replace(fields, **{name: getattr(fields, name)[kept] for name in names})
-
-
 def measured(fields: VectorFields, settings: Settings) -> VectorFields:
     """Makes interpolated vectors invalid, or measured ones if the setting says so; and zeros."""
     code = Validity.VALID if settings.keep_interpolated else Validity.INVALID
@@ -166,7 +160,7 @@ def selected_frames(fields: VectorFields, settings: Settings) -> VectorFields:
             f"--frames must leave {settings.fewest_words}, got {times.size} of "
             f"{np.unique(fields.t).size}"
         )
-    return _at(fields, np.isin(fields.t, times))
+    return fields.at(np.isin(fields.t, times))
 
 
 def read_vectors(

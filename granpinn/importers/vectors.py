@@ -7,7 +7,7 @@ grains. So all readers use one enumeration, and vectors that were not measured a
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -195,6 +195,11 @@ class VectorFields:
         """The arrays with one value per vector."""
         parts = {name: getattr(self, name) for name in ("validity", *NUMBERS)}
         return {name: part for name, part in parts.items() if part is not None}
+
+    def at(self, kept: Any) -> VectorFields:
+        """The vectors at these places of their first axis: frames of a grid, or scattered ones."""
+        names = ("t", *self.arrays(), *(("y", "x") if self.scattered else ()))
+        return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
     @property
     def usable(self) -> Bool:
