@@ -34,7 +34,7 @@ def refusal(paths: Sequence[Path], then: str) -> BadInput:
     """
     # The importers are slow to import, and flow files do not need them.
     from granpinn.importers import DataFileError
-    from granpinn.importers.formats import detect
+    from granpinn.importers.series import detect
 
     first = paths[0]
     name = detect(first)

@@ -35,7 +35,7 @@ from granpinn.data.flow import (
 from granpinn.physics.law_values import PARAMETERS
 
 if TYPE_CHECKING:
-    from granpinn.data.hdf5 import Attributes
+    from granpinn.data.flow_file import Attributes
 
 FORMAT_NAME = "granpinn-flow"
 FORMAT_VERSION = 1

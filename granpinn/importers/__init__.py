@@ -2,8 +2,8 @@
 
 The files of this folder in the order in which a conversion passes them:
 
-    series.py       files and patterns -> vectors of all frames, with their times
-    formats.py      the format of a file, from its first bytes; the table of readers
+    series.py       files and patterns -> vectors of all frames, with their times; the table of
+                    readers, which are chosen by the first bytes of a file
     columns.py      tables of text: names and units of columns; grids.py and tracks.py read them,
                     pivlab_mat.py and arrays.py other files. All give `VectorFields` (vectors.py),
                     in the units of the file; libraries open the files (limits.py)

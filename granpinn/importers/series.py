@@ -1,31 +1,31 @@
-"""The vectors of a conversion: files, one per frame, their times, and the frames to use."""
+"""The vectors of a conversion: the formats of files, their frames and times, the frames to use."""
 
 from __future__ import annotations
 
 import itertools
 import os
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.importers import units
-from granpinn.importers.arrays import from_arrays
+from granpinn.data.flow_file import is_flow_file
+from granpinn.importers import arrays, grids, pivlab_mat, tracks, units
 from granpinn.importers.columns import (
     GROUPS,
     NAMES,
     Column,
+    head_of,
     is_number,
     read_headed,
     read_table,
     require_finite,
     text_lines,
 )
-from granpinn.importers.formats import FORMATS, TRACKS, detect
 from granpinn.importers.grids import MIXED, ROWS
 from granpinn.importers.limits import require_room
 from granpinn.importers.settings import Settings
@@ -36,6 +36,59 @@ from granpinn.importers.vectors import (
     Validity,
     VectorFields,
 )
+from granpinn.output import shell_word
+
+
+@dataclass(frozen=True)
+class Format:
+    """One file format.
+
+    Attributes:
+        title: for messages and --help.
+        sniff: tests the path and the first bytes of a file for this format.
+        read: reads a file as vector fields.
+    """
+
+    title: str
+    sniff: Callable[[Path, bytes], bool]
+    read: Callable[..., VectorFields]
+
+
+TRACKS = "tracks"
+# Strict tests come before weak ones.
+FORMATS = {
+    "pivlab-mat": Format("PIVlab .mat: frame or all frames", pivlab_mat.sniff, pivlab_mat.read),
+    TRACKS: Format(
+        "tracks of particles, a table: trackpy, TrackMate, TracTrac",
+        tracks.sniff,
+        tracks.read,
+    ),
+    "pivlab": Format("PIVlab text", grids.is_pivlab, grids.read_pivlab),
+    "davis": Format("LaVision DaVis text", grids.is_davis, grids.read_davis),
+    "basilisk": Format("Basilisk output_field", grids.is_basilisk, grids.read_basilisk),
+    "openpiv": Format("OpenPIV text", grids.is_openpiv, grids.read_openpiv),
+    "table": Format("a table of x, y, u, v", grids.is_table, grids.read_table_of_vectors),
+    "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
+}
+
+
+def detect(path: Path) -> str:
+    """The name of the format of a file, from its content."""
+    head = head_of(path)
+    if not head:
+        raise DataFileError(f"{path} is empty, expected vectors: export it again")
+    for name, found in FORMATS.items():
+        if found.sniff(path, head):
+            return name
+    if is_flow_file(path):
+        raise DataFileError(
+            f"{path} is a flow file already: python -m granpinn.train {shell_word(path)}"
+        )
+    raise DataFileError(
+        f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, export the "
+        "vectors as plain arrays (.npz) or a table, or take them as arrays in Python"
+    )
+
 
 AUTO = "auto"
 MAX_PATH = 4096  # of Linux
@@ -50,7 +103,7 @@ def vectors_of(source: Source, settings: Settings) -> VectorFields:
     if isinstance(source, VectorFields):
         fields = source
     elif isinstance(source, Mapping):
-        fields = from_arrays(source)
+        fields = arrays.from_arrays(source)
     else:
         count = settings.times is not None or units.has(settings.time_unit, "frame")
         fields = read_vectors(source, settings.format, settings.track_window, count=count)
@@ -267,14 +320,14 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
                     "convert files of one grid at a time"
                 )
     names = (*first.arrays(), *(("y", "x") if first.scattered else ()))
-    arrays: dict[str, Any] = {
+    together: dict[str, Any] = {
         n: np.concatenate([getattr(part, n) for part in parts]) for n in names
     }
     # One file whose rows show no direction of y leaves it open for all.
     oriented = next((part for part in parts if part.y_down is None), first)
     facts = first.facts | {ROWS: MIXED} if oriented.facts.get(ROWS) == MIXED else first.facts
     t = np.concatenate(_times(parts))
-    return replace(first, t=t, **arrays, y_down=oriented.y_down, facts=facts)
+    return replace(first, t=t, **together, y_down=oriented.y_down, facts=facts)
 
 
 def _common(fields: VectorFields) -> dict[str, Any]:

@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Int64
 from granpinn.data.flow import STEADY
-from granpinn.data.hdf5 import Hdf5File, read_hdf5
+from granpinn.data.flow_file import Hdf5File, read_hdf5
 from granpinn.data.schema import Units
 from granpinn.declared import checked
 from granpinn.errors import BadInput

@@ -15,7 +15,7 @@ from granpinn.command.next_step import require_flow_file
 from granpinn.commands import convert, inspect
 from granpinn.data import Flow
 from granpinn.errors import BadInput
-from granpinn.importers.formats import detect
+from granpinn.importers.series import detect
 
 NAMES = {
     "command": "x$(touch PWNED)",

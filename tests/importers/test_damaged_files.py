@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from granpinn.importers import DataFileError, read_vectors
-from granpinn.importers.formats import FORMATS
+from granpinn.importers.series import FORMATS
 from tests.importers.test_other_piv import davis, openpiv
 from tests.importers.test_pivlab_text import export
 from tests.importers.test_simulation_files import basilisk

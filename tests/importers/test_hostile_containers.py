@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from granpinn.data import FlowFileError, read_flow, write_flow
-from granpinn.data.hdf5 import read_hdf5
+from granpinn.data.flow_file import read_hdf5
 from granpinn.importers import DataFileError, read_vectors
 from granpinn.regular import UnsafeFileError
 from granpinn.results import FieldsFileError, read_fields, write_fields
