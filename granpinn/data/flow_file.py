@@ -1,7 +1,6 @@
 """Reads and writes a flow file, version 1, which xarray can open as netCDF-4.
 
-Every fault of a file is a FlowFileError. `granpinn.foreign.hdf5` reads the HDF5, that of other files
-of granpinn too (`read_hdf5`).
+Every fault of a file is a FlowFileError. `read_hdf5` also reads other HDF5 files of granpinn.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy.typing as npt
 
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth, Walls
 from granpinn.data.particles import grid_view
-from granpinn.data.rules import check_flow, check_values
+from granpinn.data.rules import check_flow
 from granpinn.data.schema import (
     ATTRIBUTES,
     DATASETS,
@@ -33,6 +32,7 @@ from granpinn.data.schema import (
     WRITE_HINT,
     Units,
     arrays_of,
+    attribute,
     attributes_of,
     check_conventions,
     check_layout,
@@ -45,51 +45,13 @@ from granpinn.regular import RETRY, UnsafeFileError, open_regular_file
 MOST_MAPPED = 2**37  # bytes of a file
 
 
-# What an attribute must be, and how NumPy writes it.
-_WORDS = {str: ("one text", "numpy.bytes_"), float: ("a number", "float64"), list: ("numbers",) * 2}
-
-
-@dataclass(frozen=True)
-class Attributes:
-    """Attributes of a file or a dataset by name: text, a list of numbers, or `{"type": NAME}`."""
-
-    values: dict[str, Any]
-
-    def get(self, name: str, kind: type, required: bool = False) -> Any:
-        """A text (str), one number (float) or all numbers (list); None if there is none.
-
-        Raises:
-            UnsafeFileError: it is of another kind, or it is required and missing.
-        """
-        value = self.values.get(name)
-        if value is None and required:
-            raise UnsafeFileError(
-                f"the attribute {name} is missing: add it to the root of the file"
-            )
-        if kind is float and isinstance(value, list):
-            if len(value) != 1:
-                raise UnsafeFileError(
-                    f"the attribute {name} must be one number, got {len(value)}: correct it"
-                )
-            return float(value[0])
-        if value is None or isinstance(value, kind):
-            return value
-        found = value["type"] if isinstance(value, dict) else "text"
-        if isinstance(value, list):
-            found = f"{len(value)} numbers"
-        expected, remedy = _WORDS[kind]
-        raise UnsafeFileError(
-            f"the attribute {name} must be {expected}, got {found}: write it as {remedy}"
-        )
-
-
 @dataclass(frozen=True)
 class Dataset:
     """A dataset; `values` is None unless it holds numbers."""
 
     shape: tuple[int, ...]
     dtype: str
-    attributes: Attributes
+    attributes: dict[str, Any]
     values: npt.NDArray[Any] | None
 
 
@@ -97,7 +59,7 @@ class Dataset:
 class Hdf5File:
     """What is read of a file; `datasets` holds those that exist."""
 
-    attributes: Attributes
+    attributes: dict[str, Any]
     datasets: dict[str, Dataset]
     sha256: str
 
@@ -125,8 +87,8 @@ def read_hdf5(path: Path, names: list[str], max_bytes: int, remedy: str) -> Hdf5
         values, shape = part.get("values"), tuple(part["shape"])
         if "place" in part:
             values = _mapped(image, part["dtype"], shape, part["place"])
-        datasets[name] = Dataset(shape, part["dtype"], Attributes(part["attributes"]), values)
-    return Hdf5File(Attributes(found["attributes"]), datasets, sha256)
+        datasets[name] = Dataset(shape, part["dtype"], part["attributes"], values)
+    return Hdf5File(found["attributes"], datasets, sha256)
 
 
 def _mapped(image: Any, dtype: str, shape: tuple[int, ...], place: int | None) -> Any:
@@ -149,7 +111,7 @@ def is_flow_file(path: Path) -> bool:
     """Whether a file is a flow file, from its attribute."""
     try:
         file = read_hdf5(path, [], DEFAULT_MAX_BYTES, _RAISE)
-        return bool(file.attributes.get("format_name", str) == FORMAT_NAME)
+        return bool(attribute(file.attributes, "format_name", str) == FORMAT_NAME)
     except UnsafeFileError:  # no HDF5, or another kind of it
         return False
 
@@ -169,7 +131,7 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
     """
     try:
         flow = _read(Path(path), max_bytes)
-        check_values(flow)
+        check_flow(flow)
     except (FlowFileError, UnsafeFileError) as error:
         raise FlowFileError(f"{path}: {error}") from None
     return flow
@@ -183,13 +145,13 @@ def _read(path: Path, max_bytes: int) -> Flow:
             f"{MOVING_WALLS} must not be there, as walls stay in their place: leave out the pieces "
             "that move, and the frames before a gate has left"
         )
-    stated = {n: file.attributes.get(n, r.kind, r.required) for n, r in ATTRIBUTES.items()}
+    stated = {n: attribute(file.attributes, n, r.kind, r.required) for n, r in ATTRIBUTES.items()}
     stated = {name: value for name, value in stated.items() if value is not None}
     units = Units(stated["length_unit"], stated["time_unit"], stated.get("density_unit"))
     parts = _arrays(file, units)
     flow, particles = parts[Flow], None
     constants = {name: value for name, value in stated.items() if name in FIELDS}
-    constants["gravity"] = tuple(map(float, file.attributes.get("gravity", list, True)))
+    constants["gravity"] = tuple(map(float, attribute(file.attributes, "gravity", list, True)))
     if twice := flow.keys() & constants.keys():
         raise FlowFileError(
             f"{min(twice)} must be either an attribute or a dataset, got both: remove one"
@@ -214,7 +176,7 @@ def _others(file: Hdf5File) -> dict[str, str | float]:
     """Texts and single numbers without a meaning in the format."""
     # Attributes with odd names are left out, as they would only clutter reports and tables.
     known = {"format_name", "format_version", "gravity", *ATTRIBUTES}
-    named = {n: v for n, v in file.attributes.values.items() if n.isidentifier() and n not in known}
+    named = {n: v for n, v in file.attributes.items() if n.isidentifier() and n not in known}
     single = {n: v[0] for n, v in named.items() if isinstance(v, list) and len(v) == 1}
     return {n: v for n, v in named.items() if isinstance(v, str)} | single
 
@@ -245,14 +207,14 @@ def _arrays(file: Hdf5File, units: Units) -> dict[type, dict[str, Any]]:
 
 
 def _check_version(file: Hdf5File) -> None:
-    name = file.attributes.get("format_name", str)
+    name = attribute(file.attributes, "format_name", str)
     if name != FORMAT_NAME:
         found = "nothing" if name is None else repr(name[:40])
         raise FlowFileError(
             f"the attribute format_name must be '{FORMAT_NAME}', got {found}: this is another "
             f"kind of HDF5 file; {WRITE_HINT}"
         )
-    version = file.attributes.get("format_version", list)
+    version = attribute(file.attributes, "format_version", list)
     if version != [FORMAT_VERSION]:
         found = "nothing" if version is None else ", ".join(f"{value:g}" for value in version[:4])
         raise FlowFileError(

@@ -53,11 +53,6 @@ def check_flow(flow: Flow) -> None:
     """Raises FlowFileError if the flow breaks a rule of the format."""
     for arrays in (arrays_of(flow), arrays_in(flow)):
         check_layout(arrays)
-    check_values(flow)
-
-
-def check_values(flow: Flow) -> None:
-    """Checks the numbers of a flow that has passed `check_layout`."""
     _check_constants(flow)
     arrays = arrays_of(flow) | arrays_in(flow)
     check_ranges({name: a for name, a in arrays.items() if a.ndim == 1})
@@ -128,15 +123,10 @@ def _check_constants(flow: Flow) -> None:
         )
     gravity = flow.gravity
     size = max(map(abs, gravity), default=0.0)
-    if len(gravity) != 2 or not all(map(math.isfinite, gravity)) or not LEAST <= size <= LARGEST:
+    if len(gravity) != 2 or not LEAST <= size <= LARGEST or not gravity[1] < 0:
         raise FlowFileError(
-            f"gravity must be two finite numbers (g_x, g_y), not both 0, got "
-            f"{[float(g) for g in gravity]}: correct this attribute"
-        )
-    if gravity[1] >= 0:
-        raise FlowFileError(
-            f"gravity must point down, g_y < 0, as y points up, got {[float(g) for g in gravity]}: "
-            "correct its sign, or turn the data by quarters (numpy.rot90)"
+            "gravity must be two finite numbers (g_x, g_y), g_y < 0 as y points up, got "
+            f"{[float(g) for g in gravity]}: correct it, or turn the data by quarters (numpy.rot90)"
         )
 
 

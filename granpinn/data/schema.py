@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -33,9 +33,7 @@ from granpinn.data.flow import (
     Walls,
 )
 from granpinn.physics.law_values import PARAMETERS
-
-if TYPE_CHECKING:
-    from granpinn.data.flow_file import Attributes
+from granpinn.regular import UnsafeFileError
 
 FORMAT_NAME = "granpinn-flow"
 FORMAT_VERSION = 1
@@ -218,21 +216,48 @@ def attributes_of(flow: Flow) -> dict[str, Any]:
     return values | {name: getattr(flow.truth, field, None) for name, field in TRUTH.items()}
 
 
-def check_conventions(name: str, attributes: Attributes, wanted: str | None) -> None:
+def attribute(stated: Mapping[str, Any], name: str, kind: type, required: bool = False) -> Any:
+    """A text (str), one number (float) or all numbers (list); None if there is none.
+
+    Args:
+        stated: attributes of a file or a dataset: text, a list of numbers, or `{"type": NAME}`.
+
+    Raises:
+        UnsafeFileError: it is of another kind, or it is required and missing.
+    """
+    value = stated.get(name)
+    if value is None and required:
+        raise UnsafeFileError(f"the attribute {name} is missing: add it to the root of the file")
+    if kind is float and isinstance(value, list):
+        if len(value) != 1:
+            raise UnsafeFileError(
+                f"the attribute {name} must be one number, got {len(value)}: correct it"
+            )
+        return float(value[0])
+    if value is None or isinstance(value, kind):
+        return value
+    found = value["type"] if isinstance(value, dict) else "text"
+    if isinstance(value, list):
+        found = f"{len(value)} numbers"
+    expected = {str: "one text", float: "a number", list: "numbers"}[kind]
+    raise UnsafeFileError(f"the attribute {name} must be {expected}, got {found}: write it as such")
+
+
+def check_conventions(name: str, attributes: Mapping[str, Any], wanted: str | None) -> None:
     """Raises FlowFileError if an attribute of a dataset changes its numbers or their unit.
 
     Programs that open the file as netCDF, such as xarray, apply the attributes of the CF
     conventions. granpinn takes the numbers as they are stored.
     """
-    fills = {attribute: attributes.get(attribute, list) for attribute in FILL}
+    fills = {fill: attribute(attributes, fill, list) for fill in FILL}
     other = [a for a, values in fills.items() if values and not np.isnan(values).all()]
-    if wrong := [a for a in CHANGING if a in attributes.values] + other:
+    if wrong := [a for a in CHANGING if a in attributes] + other:
         raise FlowFileError(
             f"{name} must be stored as it is, NaN where there is no value, got the attribute "
             f"{wrong[0]}, by which other programs change its numbers: write the final numbers "
             "without it"
         )
-    found = attributes.get("units", str)
+    found = attribute(attributes, "units", str)
     if found is None:
         return
     if wanted is None:

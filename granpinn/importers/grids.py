@@ -7,8 +7,9 @@ coordinates, in any order.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,6 @@ from granpinn.importers.columns import (
     header,
     layout_of,
     lines_of,
-    read_headed,
     read_table,
     require_finite,
     roles_in,
@@ -42,7 +42,7 @@ from granpinn.importers.vectors import (
 SAME = 0.01
 # The fact of files whose rows are in no order that shows the direction of y.
 ROWS, MIXED = "rows", "mixed"
-_VECTORS = {name: (name,) for name in "xyuv"}
+_VECTORS = {name: NAMES[name] for name in "xyuv"}
 
 
 # PIVlab: the "ASCII chart".
@@ -62,6 +62,7 @@ PIVLAB_TYPES = {
     2: Validity.INTERPOLATED,
     3: Validity.VALID,
 }
+PIVLAB_CODES = {"vector type": PIVLAB_TYPES}
 _FRAME = re.compile(r"FRAME:\s*+(\d++)")
 _FACTOR = re.compile(r"conversion factor (xy|uv) \((?:px -> m|px/frame -> m/s)\):\s*+([-+.\deE]++)")
 
@@ -73,61 +74,68 @@ def is_pivlab(path: Path, head: bytes) -> bool:
     return first.startswith(PIVLAB) or ({*"xyuv"} <= named.keys() and named["x"] in ("px", "m"))
 
 
-def read_pivlab(path: Path) -> VectorFields:
-    """One frame of PIVlab."""
-    lines, roles = text_lines(path), _VECTORS | {"type": ("vector type",)}
-    named, skip = layout_of(lines, roles, "xyuv")
-    head = "\n".join(lines[:skip])
-    table = read_table(path, roles, named, "xyuv", skip)
-    types = table.columns.pop("type", None)
-    frame = _FRAME.search(head)
-    return grid_frame(
-        path,
-        table,
-        None if types is None else codes_of(path, "vector types", types, PIVLAB_TYPES),
-        t=whole(frame[1], f"{path}: FRAME") - 1 if frame else 0,
-        facts={f"cal{kind}": factor for kind, factor in _FACTOR.findall(head)},
-    )
-
-
 # OpenPIV: `openpiv.tools.save` since version 0.25. Masked vectors are written as 0.0, so only the
 # two last columns matter. The files do not state their units, which are pixels per unit of `dt` or
 # the result of `scaling.uniform`. Rows run from the top of the image.
-_OPENPIV = {name: (name,) for name in ("x", "y", "u", "v", "flags", "mask")}
-_MASK = {0: Validity.VALID, 1: Validity.MASKED}
-_FLAGS = {0: Validity.VALID, 1: Validity.INVALID, 2: Validity.INTERPOLATED}
+OPENPIV_CODES = {
+    "flags": {0: Validity.VALID, 1: Validity.INVALID, 2: Validity.INTERPOLATED},
+    "mask": {0: Validity.VALID, 1: Validity.MASKED},
+}
 
 
 def is_openpiv(path: Path, head: bytes) -> bool:
     """The names of the columns behind a #."""
     first = lines_of(head)[0]
-    return first.startswith("#") and {column.name for column in header(first)} == {*_OPENPIV}
-
-
-def read_openpiv(path: Path) -> VectorFields:
-    """One frame of OpenPIV."""
-    table = read_table(path, _OPENPIV, header(text_lines(path)[0]), _OPENPIV)
-    codes = codes_of(path, "flags", table.columns.pop("flags"), _FLAGS)
-    outside = codes_of(path, "mask", table.columns.pop("mask"), _MASK) == Validity.MASKED
-    return grid_frame(path, table, np.where(outside, np.int8(Validity.MASKED), codes))
+    names = {column.name for column in header(first)}
+    return first.startswith("#") and names == {*"xyuv", *OPENPIV_CODES}
 
 
 # Any other program: a table that names x, y, u and v as columns.py knows them, units in brackets. y
 # points up where lengths have a unit other than px; elsewhere --flip-y says so.
-_TABLE = {name: NAMES[name] for name in "xyuv"}
-
-
 def is_table(path: Path, head: bytes) -> bool:
     """Names of x, y, u and v above numbers."""
-    return {*"xyuv"} <= roles_in(lines_of(head), _TABLE, "xyuv")
+    return {*"xyuv"} <= roles_in(lines_of(head), _VECTORS, "xyuv")
 
 
-def read_table_of_vectors(path: Path) -> VectorFields:
-    """One frame of a table."""
-    found = grid_frame(path, read_headed(path, "xyuv", _TABLE), y_down=False)
-    if found.length_unit not in (None, "px"):
+def read_rows(
+    path: Path,
+    codes: Mapping[str, Mapping[int, Validity]] | None = None,
+    required: Iterable[str] = (),
+) -> VectorFields:
+    """One frame of a table with the names of its columns, of PIVlab, OpenPIV or any other program.
+
+    Args:
+        codes: of the program, by columns that a file may have: what their numbers say of a vector,
+            the last column first. None: any other program.
+        required: columns with codes that may not be missing.
+    """
+    lines = text_lines(path)
+    roles = _VECTORS | {name: (name,) for name in codes or ()}
+    named, skip = layout_of(lines, roles, "xyuv")
+    table = read_table(path, roles, named, [*"xyuv", *required], skip)
+    validity = None
+    for name, known in (codes or {}).items():
+        if name in table.columns:
+            kinds = codes_of(path, name, table.columns.pop(name), known)
+            before = kinds if validity is None else validity
+            validity = np.where(kinds == Validity.VALID, before, kinds)
+    head = "\n".join(lines[:skip])
+    frame = _FRAME.search(head)
+    found = grid_frame(
+        path,
+        table,
+        validity,
+        t=whole(frame[1], f"{path}: FRAME") - 1 if frame else 0,
+        y_down=None if codes else False,
+        facts={f"cal{kind}": factor for kind, factor in _FACTOR.findall(head)},
+    )
+    if codes or found.length_unit not in (None, "px"):
         return found
     return replace(found, y_down=None, facts=found.facts | {ROWS: MIXED})
+
+
+read_pivlab = partial(read_rows, codes=PIVLAB_CODES)
+read_openpiv = partial(read_rows, codes=OPENPIV_CODES, required=OPENPIV_CODES)
 
 
 # DaVis 8: `#DaVis 8.1.6 2D-vector 32 64 64 "position" "mm" "position" "mm" "velocity" "m/s"`, then

@@ -70,7 +70,7 @@ def read(path: Path) -> VectorFields:
         codes = split_gaps(np.isfinite(u) & np.isfinite(v))
     else:
         types = np.stack([frame[4] for frame in frames])
-        codes = codes_of(path, "vector types", types, PIVLAB_TYPES)
+        codes = codes_of(path, "vector type", types, PIVLAB_TYPES)
     length, velocity = _units(path, file)
     return VectorFields(
         t=np.arange(len(frames)),

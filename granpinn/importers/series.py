@@ -67,7 +67,7 @@ FORMATS = {
     "davis": Format("LaVision DaVis text", grids.is_davis, grids.read_davis),
     "basilisk": Format("Basilisk output_field", grids.is_basilisk, grids.read_basilisk),
     "openpiv": Format("OpenPIV text", grids.is_openpiv, grids.read_openpiv),
-    "table": Format("a table of x, y, u, v", grids.is_table, grids.read_table_of_vectors),
+    "table": Format("a table of x, y, u, v", grids.is_table, grids.read_rows),
     "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
 }
 

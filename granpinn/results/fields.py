@@ -31,7 +31,7 @@ import numpy.typing as npt
 from granpinn.arrays import Bool, Float32, Float64, Floats, Int64
 from granpinn.data.flow import STEADY
 from granpinn.data.flow_file import Hdf5File, read_hdf5
-from granpinn.data.schema import Units
+from granpinn.data.schema import Units, attribute
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
@@ -233,8 +233,8 @@ def read_fields(path: str | Path) -> Fields:
 
 def _read(file: Hdf5File) -> Fields:
     attributes = file.attributes
-    name = attributes.get("format_name", str, True)
-    version = attributes.get("format_version", float, True)
+    name = attribute(attributes, "format_name", str, True)
+    version = attribute(attributes, "format_version", float, True)
     if name != FORMAT_NAME or version != FORMAT_VERSION:
         raise UnsafeFileError(
             f"expected version {FORMAT_VERSION}, got {name} version {version:g}: read it with the "
@@ -247,18 +247,18 @@ def _read(file: Hdf5File) -> Fields:
     values = {
         name: _on_grid(file, name, shape)[inside] for name in VARIABLES if name in file.datasets
     }
-    names = ["length", "time", *(["density"] if attributes.get("density_unit", str) else [])]
+    names = ["length", "time", *(["density"] if attribute(attributes, "density_unit", str) else [])]
     return Fields(
         t=t,
         y=y,
         x=x,
         c=c,
         values=values,
-        units=Units(**{name: attributes.get(f"{name}_unit", str, True) for name in names}),
-        length=attributes.get("length_scale", float, True),
-        time=attributes.get("time_scale", float, True),
-        pressure=attributes.get("pressure_scale", float, True),
-        steady=attributes.get(STEADY, list) == [1],
+        units=Units(**{name: attribute(attributes, f"{name}_unit", str, True) for name in names}),
+        length=attribute(attributes, "length_scale", float, True),
+        time=attribute(attributes, "time_scale", float, True),
+        pressure=attribute(attributes, "pressure_scale", float, True),
+        steady=attribute(attributes, STEADY, list) == [1],
     )
 
 

@@ -121,7 +121,7 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
         "density must be from 1e-30 to 1e+30, got nan",
     ),
     "no gravity": ({"gravity": (0.0, 0.0)}, "gravity must be two finite numbers"),
-    "gravity upwards": ({"gravity": (0.1, 9.81)}, "gravity must point down, g_y < 0"),
+    "gravity upwards": ({"gravity": (0.1, 9.81)}, "(g_x, g_y), g_y < 0 as y points up, got"),
     "gravity NaN": ({"gravity": (0.0, np.nan)}, "gravity must be two finite numbers"),
     "eta_max": (
         {"eta_max": np.inf},

@@ -60,7 +60,7 @@ WRONG: dict[str, tuple[Callable[[Path], Path], Callable[[str], str], str]] = {
     "pivlab types": (
         pivlab,
         lambda s: s.replace(",2\n", ",7\n").replace(",1\n", ",7\n"),
-        "vector types 0, 1, 2, 3, got 7",
+        "vector type 0, 1, 2, 3, got 7",
     ),
     "pivlab letters": (
         pivlab,
