@@ -18,7 +18,7 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.importers import units
-from granpinn.importers.limits import file_bytes, read_file, require_room
+from granpinn.importers.limits import read_file, require_room
 from granpinn.importers.vectors import LARGEST, DataFileError, largest
 from granpinn.regular import UnsafeFileError, first_bytes
 
@@ -319,7 +319,7 @@ def read_table(
     values = read_file(
         "table",
         path,
-        lambda path: file_bytes(path, MAX_TEXT),
+        MAX_TEXT,
         count=count,
         kept=kept,
         skip=skip,

@@ -29,6 +29,7 @@ from scipy.ndimage import binary_erosion, binary_fill_holes, gaussian_filter, la
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data.flow import Surface
+from granpinn.importers import units
 from granpinn.importers.limits import require_room
 from granpinn.importers.series import expand
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, grains_around
@@ -115,7 +116,7 @@ def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> Ve
     """
     if fields.scattered:
         raise DataFileError("--mask is for vectors on a grid, got scattered ones: leave it out")
-    if length_unit is None or not length_unit.startswith(("px", "pix", "Pix")):
+    if not units.has(length_unit, "px"):
         raise DataFileError(
             "--mask needs vectors in pixels to find them in the image, got "
             f"{length_unit or 'no unit'}: export them without calibration, give --length-unit px "
