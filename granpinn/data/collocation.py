@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -27,10 +27,7 @@ from granpinn.data.surface import SAME_TIME, points_of
 from granpinn.data.symmetry import axes_of
 from granpinn.data.walls import Segments, crossed, segments_of
 from granpinn.physics.axes import Axes
-
-if TYPE_CHECKING:
-    from granpinn.physics.scales import Scales
-
+from granpinn.physics.scales import Scales
 
 # Of Philox; the same points for every seed, so that the members of an ensemble share them.
 _KEY = 3 << 64

@@ -38,8 +38,15 @@ class FlowFileWarning(UserWarning):
     """A flow keeps every rule of the format, but is likely to be wrong."""
 
 
+class _Record:
+    """Fields of the types that they declare."""
+
+    def __post_init__(self) -> None:
+        require_fields(self, FlowFileError)
+
+
 @dataclass(frozen=True, eq=False)
-class Surface:
+class Surface(_Record):
     """Points of the free surface, in any order.
 
     Attributes:
@@ -52,12 +59,9 @@ class Surface:
     y: Float64
     p: Float32 | None = None
 
-    def __post_init__(self) -> None:
-        require_fields(self, FlowFileError)
-
 
 @dataclass(frozen=True, eq=False)
-class Walls:
+class Walls(_Record):
     """Walls, obstacles and plates as polylines.
 
     The points of a piece lie in order along it. A point with x and y of NaN separates two pieces.
@@ -77,12 +81,9 @@ class Walls:
     slip: Float32 | None = None
     p: Float32 | None = None
 
-    def __post_init__(self) -> None:
-        require_fields(self, FlowFileError)
-
 
 @dataclass(frozen=True, eq=False)
-class Particles:
+class Particles(_Record):
     """Scattered vectors, one per grain and time, in any order.
 
     Attributes:
@@ -99,16 +100,13 @@ class Particles:
     sigma_u: Float32 | None = None
     sigma_v: Float32 | None = None
 
-    def __post_init__(self) -> None:
-        require_fields(self, FlowFileError)
-
 
 class Truth(LawValues):
     """The friction law that made the data: for scoring, never for training."""
 
 
 @dataclass(frozen=True, eq=False)
-class Flow:
+class Flow(_Record):
     """Velocity of the grains on a grid in space and time, or at scattered points.
 
     In a flow with `particles` the scattered vectors are the measurement. Then t, y, x, u, v, c are
@@ -176,9 +174,6 @@ class Flow:
     every: int = 1
     sha256: str = ""
     path: Path | None = None
-
-    def __post_init__(self) -> None:
-        require_fields(self, FlowFileError)
 
     @property
     def material(self) -> Bool:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -30,10 +29,8 @@ from granpinn.data.scaling import moving, placed, turned_and_rounded
 from granpinn.data.symmetry import axes_of
 from granpinn.data.wall_points import walls_of, warn_of_contradictions
 from granpinn.physics.axes import Axes
+from granpinn.physics.scales import Scales
 from granpinn.physics.terms import LossPoints
-
-if TYPE_CHECKING:
-    from granpinn.physics.scales import Scales
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,11 +239,8 @@ def _common(
     vectors, cells = _vectors(union)
     if len(vectors.t) == 0:
         raise FlowFileError(
-            "c, u and v must hold valid vectors where c = 1 at t > 0, got none: start the "
-            "clock at the release of the grains"
-            if union.particles is None
-            else "particles/t must hold times after 0, got none: start the clock at the "
-            "release of the grains"
+            "there must be vectors at t > 0, on a grid where c = 1, got none: start the clock at "
+            "the release of the grains"
         )
     own = np.ones((len(vectors.t), len(variants)), bool)
     between, inside = np.empty((0, 3)), np.empty((0, len(variants)), bool)

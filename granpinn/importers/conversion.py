@@ -95,6 +95,12 @@ def convert(
         constants["walls"] = points.read_walls(Path(settings.walls), frame)
     make = scattered_flow if si.scattered else grid_flow
     flow = make(si, settings, frame, given, constants)
+    if flow.surface is None and settings.surface != "none":
+        _warn(
+            "the free surface is not known, as there is neither a mask nor a fraction field, or no "
+            "edge of the grains faces up in the field of view: train with --level V0, or give "
+            "--mask or --surface with the points of a line"
+        )
     for name, text in flow.described().items():
         tell(f"{name}: {text}")
     inferred = fields.facts.get("mask") == GAPS and settings.mask is None and fields.c is None
@@ -203,7 +209,7 @@ def grid_flow(
         constants: other fields of Flow.
     """
     c, source = surfaces.grains_of(fields)
-    surface, wanted = line, settings.surface
+    surface = line
     if line is not None and source == "vectors":
         if folded(fields.t, fields.x, line).any():
             _warn(
@@ -211,12 +217,8 @@ def grid_flow(
                 "which cells hold grains there: give --mask"
             )
         c = np.where(surfaces.below_line(fields, line), 1.0, 0.0)
-    elif line is None and wanted == "auto" and source == "vectors":
-        _warn_of_no_surface("there is neither a mask nor a fraction field")
-    elif line is None and wanted != "none":
+    elif line is None and settings.surface != "none" and source != "vectors":
         surface = surfaces.from_fraction(c, fields.t, fields.y, fields.x, frame.gravity)
-        if surface is None:
-            _warn_of_no_surface("no edge of the grains faces up inside the field of view")
     usable = fields.usable & (c == 1)
     kept = usable.any(axis=(1, 2))
     _require_frames(int(kept.sum()), settings)
@@ -249,15 +251,13 @@ def scattered_flow(
     if fields.c is not None:
         usable = usable & (fields.c > 1 - surfaces.FULL)
     _require_frames(np.unique(fields.t[usable]).size, settings)
-    fields, surface, wanted = fields.at(usable), line, settings.surface
-    if surface is None and wanted == "auto" and fields.c is None:
+    fields, surface = fields.at(usable), line
+    if surface is None and settings.surface != "none" and fields.c is None:
         place = fields.t, fields.x, fields.y
         traced = surfaces.surface_of_grains(*place, constants["grain_diameter"], frame.gravity)
         if traced is not None:
             surface, sd = traced
             constants["attributes"] = {SURFACE_SD: sd, **constants["attributes"]}
-    if surface is None and wanted != "none":
-        _warn_of_no_surface("the grains have no edge that faces up and moves")
     sigmas = _sigmas(fields, settings, frame, fields.usable)
     if settings.sigma is not None:  # one number
         constants, sigmas = constants | sigmas, {}
@@ -312,13 +312,6 @@ def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool
         # A measured vector without a standard deviation has the largest one.
         found[name] = np.where(good, values, values[usable & good].max()).astype(np.float32)
     return found
-
-
-def _warn_of_no_surface(why: str) -> None:
-    _warn(
-        f"the free surface is not known, as {why}: train with --level V0, or give --mask or "
-        "--surface with the points of a line"
-    )
 
 
 def _warn(text: str) -> None:

@@ -80,8 +80,6 @@ def _registry() -> Any:
 
 def unit(text: str, what: str) -> Any:
     """A pint unit; `what` names the setting or the file for the message."""
-    import pint
-
     short = len(text) <= MAX_QUANTITY
     cleaned = " ".join(text.strip().strip("[]").split()) if short else text
     if cleaned in ("1", "-", ""):
@@ -90,14 +88,7 @@ def unit(text: str, what: str) -> Any:
         powers = _NAME_WITH_POWER.sub(lambda m: f"{m[1]}**{m[2].lstrip('^*')}", cleaned)
         try:
             return _registry().Unit(powers.replace("·", "*"))
-        except (
-            pint.errors.PintError,
-            LookupError,
-            ValueError,
-            TypeError,
-            AttributeError,
-            SyntaxError,
-        ):
+        except Exception:  # of any kind, for names that pint does not know
             pass
     raise DataFileError(
         f"{what} must be a unit such as mm, px/frame or m/s, got {text[:MAX_QUANTITY]!r}"
