@@ -258,17 +258,12 @@ def check_conventions(name: str, attributes: Mapping[str, Any], wanted: str | No
             "without it"
         )
     found = attribute(attributes, "units", str)
-    if found is None:
-        return
-    if wanted is None:
+    known = [] if wanted is None else [_plain(wanted), _plain(wanted.replace("/", " ") + "-1")]
+    if found is not None and _plain(found) not in known:
         raise FlowFileError(
-            f"{name} must have no attribute units unless the file is dimensionless or in m, s and "
-            f"kg/m^3 (density_unit), got {found!r}: remove it, or state density_unit"
-        )
-    if _plain(found) not in (_plain(wanted), _plain(wanted.replace("/", " ") + "-1")):
-        raise FlowFileError(
-            f"{name} must be in {wanted!r} by length_unit and time_unit of the file, got the "
-            f"attribute units = {found!r}: convert {name}, or correct the attribute"
+            f"{name} must be in {wanted!r} by length_unit, time_unit and density_unit of the file "
+            f"(None: no unit may be stated), got the attribute units = {found!r}: convert {name}, "
+            "or correct or remove the attribute"
         )
 
 

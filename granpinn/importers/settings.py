@@ -195,16 +195,14 @@ class Settings:
     def calibration(self) -> units.Calibration:
         """What the settings say of pixels and frames."""
         rate, flag = self.frame_rate, "--frame-rate"
-        interval = pixel = delay = None
-        if rate is not None and self.dimensionless:
-            interval = 1 / units.Calibration(dimensionless=True).positive(rate, "time", flag)
-        elif rate is not None:
-            interval = delay = units.frame_time(rate, flag)
-        if self.scale is not None and not self.dimensionless:
-            pixel = units.scale(self.scale)
-        if self.pulse_delay is not None and not self.dimensionless:
-            delay = units.frame_time(self.pulse_delay, "--pulse-delay")
-        return units.Calibration(pixel, delay, interval, self.dimensionless)
+        if self.dimensionless:
+            plain = units.Calibration(dimensionless=True)
+            interval = None if rate is None else 1 / plain.positive(rate, "time", flag)
+            return plain._replace(interval=interval)
+        pixel, pair = self.scale, self.pulse_delay
+        interval = None if rate is None else units.frame_time(rate, flag)
+        delay = interval if pair is None else units.frame_time(pair, "--pulse-delay")
+        return units.Calibration(None if pixel is None else units.scale(pixel), delay, interval)
 
     def number(self, name: str) -> float | None:
         """A setting of `QUANTITIES` in SI, or as it is without units; None if it is not given."""
