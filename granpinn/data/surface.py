@@ -99,12 +99,11 @@ def outward_normals(flow: Flow, surface: Surface) -> Float64:
     line = np.stack([surface.x, surface.y], -1)
     found = np.empty(line.shape)
     frames, vectors = _vectors(flow)
-    order = np.argsort(surface.t, kind="stable")
-    times, first = np.unique(surface.t[order], return_index=True)
-    for t, now in zip(times, np.split(order, first[1:]), strict=True):
+    times = np.unique(surface.t)
+    for k, now in points_of(times, surface.t):
         points = line[now]
         normals = _normals(points, up)
-        grains = vectors[int(np.argmin(np.abs(frames - t)))]
+        grains = vectors[int(np.argmin(np.abs(frames - times[k])))]
         away = np.broadcast_to(up, points.shape)
         if len(grains):
             near = cKDTree(grains).query(points, min(GRAINS, len(grains)))[1]
@@ -129,9 +128,8 @@ def _vectors(flow: Flow) -> tuple[Float64, list[Float64]]:
     """Times [T], and the places of the vectors of each [k, 2]."""
     p = flow.particles
     if p is not None:
-        order = np.argsort(p.t, kind="stable")
-        times, first = np.unique(p.t[order], return_index=True)
-        return times, np.split(np.stack([p.x, p.y], -1)[order], first[1:])
+        times, places = np.unique(p.t), np.stack([p.x, p.y], -1)
+        return times, [places[now] for _, now in points_of(times, p.t)]
     frame, row, column = np.nonzero(flow.valid)
     ends = np.searchsorted(frame, np.arange(1, flow.t.size))
     return flow.t, np.split(np.stack([flow.x[column], flow.y[row]], -1), ends)

@@ -27,8 +27,9 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import binary_erosion, binary_fill_holes, gaussian_filter, label
 
-from granpinn.arrays import Bool, Float64
+from granpinn.arrays import Bool, Float64, nearest
 from granpinn.data.flow import Surface
+from granpinn.data.surface import line_heights
 from granpinn.importers import units
 from granpinn.importers.limits import require_room
 from granpinn.importers.series import expand
@@ -181,14 +182,9 @@ def _at_vectors(file: Path, picture: Any, fields: VectorFields) -> Bool:
 
 def below_line(fields: VectorFields, line: Surface) -> Bool:
     """Cells [T, Y, X] below a line of points; each frame has the points nearest in time."""
-    inside = np.zeros(fields.u.shape, bool)
     times = np.unique(line.t)
-    for k, now in enumerate(fields.t):
-        near = np.flatnonzero(line.t == times[np.argmin(np.abs(times - now))])
-        near = near[np.argsort(line.x[near], kind="stable")]
-        height = np.interp(fields.x, line.x[near], line.y[near], -np.inf, -np.inf)
-        inside[k] = fields.y[:, None] <= height
-    return inside
+    height = line_heights(times, fields.x, line)[nearest(times, fields.t)]
+    return np.asarray(fields.y[:, None] <= height[:, None])
 
 
 def surface_of_grains(
