@@ -56,25 +56,17 @@ def folded(t: Float64, x: Float64, line: Surface) -> Bool:
     """Where the line is vertical or folds: its points within a column differ by more than `STEEP`
     columns in height [T, X]. Arguments as in `line_heights`."""
     limit = STEEP * float(np.median(np.diff(x)))
-    point, edges = _by_frame(t, line.t)
-    frame = np.repeat(np.arange(len(t)), np.diff(edges))
-    column = nearest(x, line.x[point])
     low, high = np.full((len(t), len(x)), np.inf), np.full((len(t), len(x)), -np.inf)
-    np.minimum.at(low, (frame, column), line.y[point])
-    np.maximum.at(high, (frame, column), line.y[point])
+    for k, now in points_of(t, line.t):
+        column = nearest(x, line.x[now])
+        np.minimum.at(low[k], column, line.y[now])
+        np.maximum.at(high[k], column, line.y[now])
     steep: Bool = high - low > limit
     return steep
 
 
 def points_of(t: Float64, line_t: Float64) -> Iterator[tuple[int, Index]]:
     """The frames that have a line, and the numbers of its points [k] (`line_heights`)."""
-    point, edges = _by_frame(t, line_t)
-    for k in np.flatnonzero(np.diff(edges)):
-        yield int(k), point[edges[k] : edges[k + 1]]
-
-
-def _by_frame(t: Float64, line_t: Float64) -> tuple[Index, Index]:
-    """The points of all lines, frame by frame, and where the frames begin among them [T + 1]."""
     frame = nearest(t, line_t)
     gap = np.abs(line_t - t[frame])
     order = np.lexsort((gap, frame))
@@ -84,7 +76,9 @@ def _by_frame(t: Float64, line_t: Float64) -> tuple[Index, Index]:
     same = np.abs(line_t - closest[frame]) <= SAME_TIME * np.abs(closest[frame])
     point = np.flatnonzero(same)
     point = point[np.argsort(frame[point], kind="stable")]
-    return point, np.searchsorted(frame[point], np.arange(len(t) + 1))
+    edges = np.searchsorted(frame[point], np.arange(len(t) + 1))
+    for k in np.flatnonzero(np.diff(edges)):
+        yield int(k), point[edges[k] : edges[k + 1]]
 
 
 def moved(flow: Flow, surface: Surface, *offsets: float) -> list[Surface]:
