@@ -34,6 +34,7 @@ from granpinn.importers.frame import (
     missing_units,
     require_agreement,
     stated_calibration,
+    with_units,
 )
 from granpinn.importers.limits import require_room
 from granpinn.importers.series import Source, measured, selected_frames, vectors_of
@@ -71,15 +72,13 @@ def convert(
     count = sum(a.size for name, a in whole.arrays().items() if name != "validity")
     require_room(count, 8, whole.facts.get("format", "the arrays"))
     tell(_described(whole))
-    fields = selected_frames(measured(whole, settings), settings)
+    fields = with_units(selected_frames(measured(whole, settings), settings), settings)
     missing = missing_units(fields, settings) + missing_constants(settings)
     if missing:
         raise DataFileError(f"missing: {'; '.join(missing)}")
     constants, lengths = material_of(settings)
     if settings.mask is not None:
-        fields = surfaces.with_mask(
-            fields, settings.mask, settings.length_unit or fields.length_unit
-        )
+        fields = surfaces.with_mask(fields, settings.mask)
     frame = frame_of(fields, settings)
     require_agreement(whole, settings, frame)
     si = frame.apply(fields)

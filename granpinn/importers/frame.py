@@ -96,13 +96,24 @@ class Frame:
         return self.calibration.factor(unit, dimension, what)
 
 
+def with_units(fields: VectorFields, settings: Settings) -> VectorFields:
+    """The vectors with the units of the settings, where they state some."""
+    length = settings.length_unit or fields.length_unit
+    time = settings.time_unit or fields.time_unit
+    velocity = settings.velocity_unit or fields.velocity_unit
+    follows = settings.length_unit and (settings.time_unit or fields.scattered) and not velocity
+    if follows or (TRACK_WINDOW in fields.facts and not settings.velocity_unit):
+        velocity = None if None in (length, time) else f"{length}/{time}"
+    return replace(fields, length_unit=length, time_unit=time, velocity_unit=velocity)
+
+
 def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
     """The settings that are missing for the units, one sentence part each."""
-    counted, rate = _counted(fields, settings), settings.frame_rate
+    length, time, velocity = fields.length_unit, fields.time_unit, fields.velocity_unit
+    counted, rate = units.has(time, "frame"), settings.frame_rate
     if settings.dimensionless:
         unknown = counted and rate is None
         return ["--times, or --frame-rate in frames per unit of time"] if unknown else []
-    length, time, velocity = _units(fields, settings)
     pixels, frames = units.has(length, "px"), units.has(velocity, "frame")
     unclear = settings.flip_y == "auto" and fields.y_down is None
     unclear = unclear and (pixels or fields.facts.get(ROWS) == MIXED)
@@ -122,18 +133,16 @@ def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
 
 
 def frame_of(fields: VectorFields, settings: Settings) -> Frame:
-    """Calibration, origin and gravity; `missing_units` must be empty.
+    """Calibration, origin and gravity of vectors `with_units`; `missing_units` must be empty.
 
     Raises:
         DataFileError: a unit is wrong.
     """
     down = fields.y_down if settings.flip_y == "auto" else settings.flip_y == "yes"
     up = -1 if down else 1
-    counted = _counted(fields, settings)
-    calibration = settings.calibration
-    names = _units(fields, settings)
-    length = calibration.factor(names[0] or "", "length", "--length-unit")
-    time = calibration.factor(names[1] or "", "time", "--time-unit")
+    counted, calibration = units.has(fields.time_unit, "frame"), settings.calibration
+    length = calibration.factor(fields.length_unit or "", "length", "--length-unit")
+    time = calibration.factor(fields.time_unit or "", "time", "--time-unit")
     if TRACK_WINDOW in fields.facts:
         velocity, stated = length / time, settings.velocity_unit
         if stated and not math.isclose(
@@ -144,7 +153,7 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
                 f"{stated}: leave it out"
             )
     else:
-        velocity = calibration.factor(names[2] or "", "velocity", "--velocity-unit")
+        velocity = calibration.factor(fields.velocity_unit or "", "velocity", "--velocity-unit")
     default = settings.dimensionless and settings.gravity == Settings.gravity
     g = 1.0 if default else settings.number("gravity") or 0.0
     angle = units.SI.number(settings.tilt, "angle", "--tilt")
@@ -170,23 +179,6 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         calibration=calibration,
         counts=counted,
     )
-
-
-def _counted(fields: VectorFields, settings: Settings) -> bool:
-    """Whether the times are numbers of frames."""
-    return units.has(settings.time_unit or fields.time_unit, "frame")
-
-
-def _units(fields: VectorFields, settings: Settings) -> tuple[str | None, str | None, str | None]:
-    """Units of length, time and velocity, from the settings if they have them, else the files."""
-    length = settings.length_unit or fields.length_unit
-    time = settings.time_unit or fields.time_unit
-    velocity = settings.velocity_unit or fields.velocity_unit
-    if settings.velocity_unit is None and TRACK_WINDOW in fields.facts:
-        velocity = None if None in (length, time) else f"{length}/{time}"
-    elif velocity is None and settings.length_unit and (settings.time_unit or fields.scattered):
-        velocity = None if time is None else f"{length}/{time}"
-    return length, time, velocity
 
 
 def _origin(fields: VectorFields, settings: Settings, up: int) -> tuple[float, float]:

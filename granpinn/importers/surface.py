@@ -109,7 +109,7 @@ def grains_of(fields: VectorFields) -> tuple[Float64, str]:
     return c, "vectors"
 
 
-def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> VectorFields:
+def with_mask(fields: VectorFields, pattern: str) -> VectorFields:
     """Masks the vectors where an image is black; one image for all frames or one for each.
 
     Black (below half of the brightest) means no grains. The coordinates of the vectors must be
@@ -117,11 +117,11 @@ def with_mask(fields: VectorFields, pattern: str, length_unit: str | None) -> Ve
     """
     if fields.scattered:
         raise DataFileError("--mask is for vectors on a grid, got scattered ones: leave it out")
-    if not units.has(length_unit, "px"):
+    if not units.has(fields.length_unit, "px"):
         raise DataFileError(
             "--mask needs vectors in pixels to find them in the image, got "
-            f"{length_unit or 'no unit'}: export them without calibration, give --length-unit px "
-            "if they are in pixels, or use the mask of the PIV program"
+            f"{fields.length_unit or 'no unit'}: export them without calibration, give "
+            "--length-unit px if they are in pixels, or use the mask of the PIV program"
         )
     files = expand([pattern])
     n_frames = fields.t.size
