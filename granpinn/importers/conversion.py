@@ -268,8 +268,9 @@ def scattered_flow(
 def _require_frames(count: int, settings: Settings) -> None:
     if count < settings.fewest_frames:
         raise DataFileError(
-            f"{settings.fewest_words} must hold measured vectors among the grains, got {count}: "
-            "check the mask, the frames and the validity of the vectors, or lower --track-window"
+            "at least two frames (or one and --steady) must hold measured vectors among the "
+            f"grains, got {count}: check the mask, --frames and the validity of the vectors, or "
+            "lower --track-window"
         )
 
 

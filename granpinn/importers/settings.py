@@ -187,11 +187,6 @@ class Settings:
         return 1 if self.steady else 2
 
     @property
-    def fewest_words(self) -> str:
-        """The same in words."""
-        return "at least one frame" if self.steady else "at least two frames (or one and --steady)"
-
-    @property
     def calibration(self) -> units.Calibration:
         """What the settings say of pixels and frames."""
         rate, flag = self.frame_rate, "--frame-rate"

@@ -170,8 +170,8 @@ WRONG = {
     ),
     "frames": (["FILE", "--out", "f.h5", "--frames", "a:b"], "--frames must be FIRST:LAST:STEP"),
     "one frame": (
-        ["FILE", "--out", "f.h5", "--frames", "0:1"],
-        "leave at least two frames (or one",
+        ["FILE", "--out", "f.h5", "--frames", "0:1", *CAMERA, *MATERIAL],
+        "at least two frames (or one",
     ),
     "times": (["FILE", "--out", "f.h5", "--times", "FILE"], "must have the columns t, got"),
     "origin": (
