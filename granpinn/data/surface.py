@@ -143,14 +143,14 @@ def surface_sd(flow: Flow, level: str) -> float:
         return float(flow.attributes[SURFACE_SD])
     if flow.particles is not None:
         return HALF * grain
-    distance = from_fraction(flow, flow.surface)
+    distance = distance_to_fraction(flow, flow.surface)
     if cell is not None:
         return distance if distance > HALF * cell else 0.0
     mask = _share_of_fractions(flow, flow.surface) < HALF
     return max(HALF * grain, distance, between_rows if mask else 0.0)
 
 
-def from_fraction(flow: Flow, surface: Surface) -> float:
+def distance_to_fraction(flow: Flow, surface: Surface) -> float:
     """Distance of the line from the place where c falls through 1/2, at most `REACH` spacings.
 
     c is averaged over the line at every distance from it, so errors of single points cancel.
