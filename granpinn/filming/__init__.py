@@ -60,7 +60,7 @@ def film(
     Raises:
         DataFileError: the film or a setting cannot be used; one sentence.
     """
-    own = settings_from(settings, FilmSettings, SETTINGS)
+    own = settings_from(settings, FilmSettings, SETTINGS, "film")
     if find_spec("cv2") is None:
         raise DataFileError("films need OpenCV: pip install 'granpinn[film]'")
     from granpinn.filming.measurement import measure  # imports OpenCV

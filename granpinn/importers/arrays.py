@@ -107,7 +107,7 @@ def _codes(arrays: Mapping[str, Any], finite: Any, path: str) -> Any:
     there = finite & (chc > 0)
     known = {"validity", "mask", "c"} & arrays.keys() or finite.ndim == 1
     codes = np.where(there, Validity.VALID, Validity.INVALID) if known else split_gaps(there)
-    codes = found.get("validity", codes)
+    codes = np.array(found.get("validity", codes))  # not the array of a user
     if not np.isin(codes, list(Validity)).all():
         raise DataFileError(f"{path}: validity must be 0, 1, 2 or 3, got another number")
     if "chc" in found:

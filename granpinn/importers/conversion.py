@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
@@ -16,13 +17,16 @@ from granpinn.config.fields import unknown
 from granpinn.data.flow import (
     STEADY,
     SURFACE_SD,
+    WALL_GAP,
     WINDOW,
     Flow,
     FlowFileWarning,
     Particles,
     Surface,
 )
+from granpinn.data.large import chosen
 from granpinn.data.particles import particle_flow
+from granpinn.data.scaling import scales_of
 from granpinn.data.surface import folded
 from granpinn.declared import checked
 from granpinn.importers import points
@@ -100,8 +104,8 @@ def convert(
             "edge of the grains faces up in the field of view: train with --level V0, or give "
             "--mask or --surface with the points of a line"
         )
-    for name, text in flow.described().items():
-        tell(f"{name}: {text}")
+    for text in _summary(flow):
+        tell(text)
     inferred = fields.facts.get("mask") == GAPS and settings.mask is None and fields.c is None
     if inferred and given is None and flow.surface is not None:
         tell(
@@ -178,19 +182,25 @@ def flow(
     return convert(source, settings_from(given, Settings), line=surface)
 
 
-def settings_from(given: Mapping[str, Any], kind: type[S], names: Collection[str] = SETTINGS) -> S:
+def settings_from(
+    given: Mapping[str, Any],
+    kind: type[S],
+    names: Collection[str] = SETTINGS,
+    verb: str = "convert",
+) -> S:
     """The settings of a conversion.
 
     Args:
         kind: the record.
         names: of its settings that may be given.
+        verb: the command that has them.
 
     Raises:
         DataFileError: a name is unknown.
     """
     for name in given:
         if name not in names:
-            raise DataFileError(unknown(name, name, [*names, *ARRAYS]))
+            raise DataFileError(unknown(name, name, [*names, *ARRAYS], verb))
     return kind(**given)
 
 
@@ -287,7 +297,7 @@ def _within(surface: Surface | None, t: Any) -> Surface | None:
             f"the free surface must be given between the times {t[0]:g} and {t[-1]:g} of the "
             f"vectors, got {surface.t.min():g} to {surface.t.max():g}: check its unit of time"
         )
-    return Surface(t=surface.t[inside], x=surface.x[inside], y=surface.y[inside])
+    return chosen(surface, inside)
 
 
 def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool) -> dict[str, Any]:
@@ -367,3 +377,37 @@ def _described(fields: VectorFields) -> str:
         origin += f", {files} file{'s' * (files != '1')}"
     units = fields.velocity_unit or "of unknown unit"
     return f"{origin}: {frames} frames, {shape} vectors {units}: {shares}"
+
+
+def _summary(flow: Flow) -> list[str]:
+    """Sizes and speeds that show an error of calibration at a glance."""
+    scales = scales_of(flow)
+    length, time = ("", "") if flow.length_unit == "1" else (" m", " s")
+    particles = flow.particles
+    u, v = (flow.u, flow.v) if particles is None else (particles.u, particles.v)
+    grains = flow.valid if particles is None else np.isfinite(u)
+    speed = np.hypot(u[grains], v[grains], dtype=np.float64)
+    g_x, g_y = flow.gravity
+    lines = [
+        f"time {flow.t[0]:.4g} to {flow.t[-1]:.4g}{time}, x {flow.x[0]:.4g} to {flow.x[-1]:.4g}"
+        f"{length}, y {flow.y[0]:.4g} to {flow.y[-1]:.4g}{length}",
+        f"speed: median {np.median(speed):.3g}, largest {speed.max():.3g}{length}"
+        f"{'/s' if time else ''}; a free fall over the initial height ends at "
+        f"{math.sqrt(2) * scales.velocity:.3g}",
+        f"grains: initial height {scales.length:.4g}{length} = "
+        f"{scales.length / flow.grain_diameter:.0f} diameters, {int(grains.sum())} vectors in them",
+        f"gravity ({g_x:.4g}, {g_y:.4g}), density {flow.density:.4g} (grains "
+        f"{flow.grain_density or flow.density:.4g})",
+        "free surface: "
+        + ("none (level V0)" if flow.surface is None else f"{flow.surface.t.size} points"),
+    ]
+    if flow.walls is not None:
+        lines.append(f"walls: {int(np.isfinite(flow.walls.x).sum())} points")
+    if gap := flow.attributes.get(WALL_GAP):
+        ratio = scales.length / float(gap)
+        lines.append(
+            f"side walls: the grains are {ratio:.2g} times as high as the gap is wide; the walls "
+            f"carry up to about (wall friction) x {ratio:.2g} of friction, which train counts with "
+            "--side_walls.friction"
+        )
+    return lines
