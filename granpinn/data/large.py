@@ -11,15 +11,16 @@ import resource
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from granpinn.arrays import Bool, Index, nearest
-from granpinn.data.flow import Flow, Surface
+from granpinn.data.flow import Flow, Particles, Surface
 
 MOST_CELLS = 2**23
 SLAB_CELLS = 2**20  # of a slab: its temporary arrays stay small
+P = TypeVar("P", Surface, Particles)
 GRID = ("u", "v", "c", "p", "sigma_u", "sigma_v")
 
 
@@ -56,10 +57,10 @@ def some_frames(flow: Flow, frames: slice | Index) -> Flow:
     return replace(flow, t=flow.t[k], surface=surface, **kept)
 
 
-def chosen(surface: Surface, kept: Bool) -> Surface:
-    """Some points of a surface."""
-    parts = {name: None if a is None else a[kept] for name, a in vars(surface).items()}
-    return Surface(**parts)  # type: ignore[arg-type]
+def chosen(points: P, kept: Bool) -> P:
+    """Some points of a surface, or some of the scattered vectors."""
+    parts: dict[str, Any] = {n: None if a is None else a[kept] for n, a in vars(points).items()}
+    return type(points)(**parts)
 
 
 def available() -> int:

@@ -76,9 +76,8 @@ def known_sd(flow: Flow) -> float:
 
 def stated_sigmas(flow: Flow) -> tuple[Any, Any]:
     """sigma_u and sigma_v of the measured vectors, numbers or arrays; 0: unknown."""
-    particles = flow.particles
-    own = (None, None) if particles is None else (particles.sigma_u, particles.sigma_v)
-    pairs = zip(own, (flow.sigma_u, flow.sigma_v), strict=True)
+    holders = flow.particles or flow, flow
+    pairs = ([getattr(holder, name) for holder in holders] for name in ("sigma_u", "sigma_v"))
     sigma_u, sigma_v = (next((s for s in pair if s is not None), 0.0) for pair in pairs)
     return sigma_u, sigma_v
 

@@ -23,9 +23,10 @@ from granpinn.data.collocation import (
     strip_of,
 )
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
+from granpinn.data.large import chosen
 from granpinn.data.noise import velocity_weights
 from granpinn.data.outline import surface_of
-from granpinn.data.scaling import moving, placed, turned_and_rounded
+from granpinn.data.scaling import moving, placed, turned_and_rounded, unplaced
 from granpinn.data.symmetry import axes_of
 from granpinn.data.wall_points import walls_of, warn_of_contradictions
 from granpinn.physics.axes import Axes
@@ -288,11 +289,8 @@ def _vectors(flow: Flow) -> tuple[Particles, tuple[Index, ...] | None]:
 
     A uniform standard deviation does not change the weights and is left out.
     """
-    particles = flow.particles
-    if particles is not None:
-        kept = flow.after_start(particles.t)
-        some = {name: None if a is None else a[kept] for name, a in vars(particles).items()}
-        return Particles(**some), None  # type: ignore[arg-type]
+    if flow.particles is not None:
+        return chosen(flow.particles, flow.after_start(flow.particles.t)), None
     there = flow.valid & flow.after_start(flow.t)[:, None, None]
     frame, row, column = cells = np.nonzero(there)
     varies = isinstance(flow.sigma_u, np.ndarray) or isinstance(flow.sigma_v, np.ndarray)
@@ -380,9 +378,7 @@ def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor 
     """
     if flow.source is None:
         return None
-    axes = axes_of(flow)
-    x, y, t = points.double().cpu().numpy().T
-    places = scales.points_to_physical(np.stack([*axes.undo(x, y), t], -1))
+    places = unplaced(points.double().cpu().numpy(), flow, scales)
     force = np.stack(flow.source(*places.T), -1)
     if force.shape != (len(points), 2) or not np.isfinite(force).all():
         raise FlowFileError(
@@ -390,7 +386,7 @@ def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor 
             f"{list(force.shape)} with {int((~np.isfinite(force)).sum())} not finite for "
             f"{len(points)} points: correct the function"
         )
-    turned = np.stack(axes.turn(*scales.to_dimensionless(force, "acceleration").T), -1)
+    turned = np.stack(axes_of(flow).turn(*scales.to_dimensionless(force, "acceleration").T), -1)
     return torch.as_tensor(turned).to(points)
 
 

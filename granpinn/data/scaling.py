@@ -61,6 +61,12 @@ def placed(x: Float64, y: Float64, t: Float64, flow: Flow, scales: Scales) -> Fl
     return turned_and_rounded(scales.points_to_dimensionless(x, y, t), axes_of(flow))
 
 
+def unplaced(points: Float64, flow: Flow, scales: Scales) -> Float64:
+    """The inverse of `placed`: points (x, y, t) [n, 3] in the units of the file."""
+    x, y, t = points.T
+    return scales.points_to_physical(np.stack([*axes_of(flow).undo(x, y), t], -1))
+
+
 def moving(u: Floats, v: Floats, flow: Flow, scales: Scales) -> Float64:
     """Velocities in the units of the file [n] as (u, v) of the training [n, 2]."""
     velocity = scales.to_dimensionless(np.stack([u, v], -1, dtype=np.float64), "velocity")

@@ -163,7 +163,8 @@ def read_davis(path: Path) -> VectorFields:
         kind = name.replace("displacement", "velocity")
         pixels = kind == "velocity" and unit in ("pixel", "px")
         units.setdefault(kind, []).append("px/frame" if pixels else unit)
-    both = [unit for kind in ("position", "velocity") for unit in _both(path, units[kind])]
+    # One unit holds for both components.
+    both = [(units[kind] or [""])[k] for kind in ("position", "velocity") for k in (0, -1)]
     named = [*map(Column, "xyuv", both)]
     table = read_table(path, _VECTORS, named, "xyuv")
     expected = whole(head[1], f"{path}: columns") * whole(head[2], f"{path}: rows")
@@ -177,13 +178,6 @@ def read_davis(path: Path) -> VectorFields:
         table.columns[name] = np.where(none, np.nan, table.columns[name])
     # Of displacements in pixels, the order of the rows shows the direction of y.
     return grid_frame(path, table, y_down=None if "px/frame" in both else False)
-
-
-def _both(path: Path, stated: list[str]) -> tuple[str, str]:
-    """The units of two components; one unit holds for both."""
-    if len(stated) > 2:
-        raise DataFileError(f"{path} must state two units of a kind at most, got {len(stated)}")
-    return (stated[0], stated[-1]) if stated else ("", "")
 
 
 # Basilisk: `output_field` with a header `# 1:x 2:y 3:f 4:p 5:u.x 6:u.y`. Values outside the domain
