@@ -43,10 +43,7 @@ def open_regular_file(path: Path, max_bytes: int, remedy: str = "choose fewer fr
 def read_regular_file(path: Path, max_bytes: int, remedy: str = "choose fewer frames") -> bytes:
     """The content of a regular file; arguments and errors as for `open_regular_file`."""
     with open_regular_file(path, max_bytes, remedy) as file:
-        content = _read(file, os.fstat(file.fileno()).st_size)
-    if not content:
-        raise UnsafeFileError("the file was emptied while it was read: try again")
-    return content
+        return _read(file, os.fstat(file.fileno()).st_size)
 
 
 def read_text(path: Path, max_bytes: int = MAX_TEXT) -> str:
@@ -72,7 +69,11 @@ def _opened(path: Path) -> BinaryIO:
     """A regular file; never waits, as the open of a FIFO would."""
     try:
         # Before opening: opening a device can have effects.
-        _require_regular(path.stat().st_mode)
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise UnsafeFileError("this is a directory, expected a file: name the file in it")
+        if not stat.S_ISREG(mode):
+            raise UnsafeFileError("this is no regular file: copy the data to one and name that")
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except UnsafeFileError:
         raise
@@ -93,13 +94,6 @@ def _read(file: BinaryIO, count: int) -> bytes:
         return file.read(count)
     except OSError as error:
         raise UnsafeFileError(f"the file cannot be read ({error.strerror}): check it") from None
-
-
-def _require_regular(mode: int) -> None:
-    if stat.S_ISDIR(mode):
-        raise UnsafeFileError("this is a directory, expected a file: name the file in it")
-    if not stat.S_ISREG(mode):
-        raise UnsafeFileError("this is no regular file: copy the data to one and name that")
 
 
 def too_large(n_bytes: int, max_bytes: int, remedy: str = "choose fewer frames") -> UnsafeFileError:

@@ -11,6 +11,7 @@ import torch
 from granpinn.checks.momentum_balance import Difference, MomentumBalance
 from granpinn.data import Flow, Truth
 from granpinn.data.scaling import scales_of
+from granpinn.data.schema import Units
 from granpinn.data.symmetry import axes_of
 from granpinn.fit.network import TrainedNetwork
 from granpinn.inspection.momentum_balance import Baseline, Point
@@ -29,7 +30,6 @@ from granpinn.results import (
     Result,
     Timing,
 )
-from granpinn.results.fields import Units
 from granpinn.results.records import Curve, ErrorBars, IdentifiedLaw, Members, StressPoints
 
 PARAMETERS = Parameters(

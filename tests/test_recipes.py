@@ -31,7 +31,7 @@ TERM = {
     "granpinn/physics/terms.py",  # a row
     "granpinn/reference/equations.py",
 }
-READER = {"granpinn/importers/grids.py", "granpinn/importers/formats.py"}
+READER = {"granpinn/importers/grids.py", "granpinn/importers/series.py"}
 OPTIMISER = {"granpinn/training/optimise.py", "granpinn/config/sections.py"}
 
 

@@ -17,7 +17,7 @@ from granpinn.commands import convert, inspect, train
 from granpinn.config.toml import read_toml
 from granpinn.data import read_flow
 from granpinn.fit.network_file import read_network
-from granpinn.importers import formats
+from granpinn.importers import series
 from granpinn.regular import read_text
 from granpinn.results import read_fields, read_results
 from granpinn.training.checkpoint import CheckpointError, newest
@@ -59,7 +59,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "mask": lambda path: importers.read(ARRAYS, mask=str(path), **PLAIN),
     **{
         f"vectors as {name}": lambda path, name=name: importers.read(path, format=name, **PLAIN)
-        for name in ("auto", *formats.FORMATS)
+        for name in ("auto", *series.FORMATS)
     },
     "run": lambda path: granpinn.load(path).history,
 }

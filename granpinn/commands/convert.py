@@ -20,7 +20,7 @@ from granpinn.commands.shared.flow_files import add_arguments, parse, write
 from granpinn.commands.shared.parser import Parser
 from granpinn.config import settings_of
 from granpinn.importers import Settings, convert
-from granpinn.importers.formats import FORMATS
+from granpinn.importers.series import FORMATS
 
 EXAMPLES = """examples:
   python -m granpinn.convert run/PIVlab_*.txt --out flow.h5 --scale "0.12 mm/px" \\

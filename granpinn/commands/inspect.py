@@ -22,7 +22,7 @@ from granpinn.commands.shared.flow_files import require_flow_files, training_of
 from granpinn.commands.shared.parser import Parser, program
 from granpinn.config import ConfigError, SideWalls, settings_of
 from granpinn.data import read_flow
-from granpinn.data.steady import said
+from granpinn.data.symmetry import said
 from granpinn.inspection import AssumedLaw, inspect
 from granpinn.output import make_folder, write_text
 from granpinn.terminal import shell_word

@@ -125,7 +125,7 @@ def most_like(name: str, known: Iterable[str]) -> str | None:
 def unknown(name: str, known: Iterable[str]) -> str:
     """The sentence about a setting that does not exist, with the nearest of the known names."""
     near = most_like(name, known)
-    hint = f"did you mean {near}?" if near else "granpinn train --help lists them"
+    hint = f"did you mean {near}?" if near else "the help of the command lists them"
     return f"unknown setting {name}: {hint}"
 
 

@@ -15,22 +15,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.data.flow import Flow
-from granpinn.data.scaling import RESOLUTION
+from granpinn.data.scaling import RESOLUTION, unplaced
 from granpinn.data.surface import SAME_TIME, points_of
-from granpinn.data.symmetry import axes_of
-from granpinn.data.walls import Segments, crossed, parted, segments_of
-from granpinn.physics.axes import Axes
-
-if TYPE_CHECKING:
-    from granpinn.physics.scales import Scales
-
+from granpinn.data.walls import Segments, crossed, segments_of
+from granpinn.physics.scales import Scales
 
 # Of Philox; the same points for every seed, so that the members of an ensemble share them.
 _KEY = 3 << 64
@@ -142,8 +137,9 @@ def strip_of(points: Float64, surface: Float64, flow: Flow, scales: Scales) -> S
     depth = np.hypot(*(surface[:, :2] - nearest).T)
     depth = np.where(depth <= thickest, depth, 0.0)  # NaN: no vector at this time
     if flow.walls is not None:
-        hidden = _hidden(segments_of(flow.walls), axes_of(flow), scales, surface, nearest)
-        depth[hidden] = 0.0
+        ends = surface, np.column_stack([nearest, surface[:, 2]])
+        start, end = (unplaced(points, flow, scales)[:, :2] for points in ends)
+        depth[crossed(start, end, segments_of(flow.walls))] = 0.0
     return Strip(surface, nearest, depth * np.minimum(width, thickest) / (dx * dy))
 
 
@@ -205,16 +201,3 @@ def _below(
             gaps, _ = cKDTree(surface[here, :2]).query(surface[here, :2], k=3)
             width[here] = gaps[:, 1:].mean(axis=1)
     return nearest, width
-
-
-def _hidden(
-    segments: Segments, axes: Axes, scales: Scales, surface: Float64, nearest: Float64
-) -> Bool:
-    """Points of the surface [M, 3] that a wall parts from their vectors [M, 2]."""
-
-    def in_file(places: Float64) -> Float64:
-        x, y = axes.undo(*places.T)
-        return scales.points_to_physical(np.stack([x, y, surface[:, 2]], 1))
-
-    start, end = in_file(surface[:, :2]), in_file(nearest)
-    return parted(start[:, :2], end[:, :2], segments)

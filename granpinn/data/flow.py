@@ -34,8 +34,15 @@ class FlowFileError(BadInput):
     """A flow breaks a rule of the format; the message is one sentence with the remedy."""
 
 
+class _Record:
+    """Fields of the types that they declare."""
+
+    def __post_init__(self) -> None:
+        require_fields(self, FlowFileError)
+
+
 @dataclass(frozen=True, eq=False)
-class Surface:
+class Surface(_Record):
     """Points of the free surface, in any order.
 
     Attributes:
@@ -48,12 +55,9 @@ class Surface:
     y: Float64
     p: Float32 | None = None
 
-    def __post_init__(self) -> None:
-        require_fields(self, FlowFileError)
-
 
 @dataclass(frozen=True, eq=False)
-class Walls:
+class Walls(_Record):
     """Walls, obstacles and plates as polylines.
 
     The points of a piece lie in order along it. A point with x and y of NaN separates two pieces.
@@ -73,12 +77,9 @@ class Walls:
     slip: Float32 | None = None
     p: Float32 | None = None
 
-    def __post_init__(self) -> None:
-        require_fields(self, FlowFileError)
-
 
 @dataclass(frozen=True, eq=False)
-class Particles:
+class Particles(_Record):
     """Scattered vectors, one per grain and time, in any order.
 
     Attributes:
@@ -95,16 +96,13 @@ class Particles:
     sigma_u: Float32 | None = None
     sigma_v: Float32 | None = None
 
-    def __post_init__(self) -> None:
-        require_fields(self, FlowFileError)
-
 
 class Truth(LawValues):
     """The friction law that made the data: for scoring, never for training."""
 
 
 @dataclass(frozen=True, eq=False)
-class Flow:
+class Flow(_Record):
     """Velocity of the grains on a grid in space and time, or at scattered points.
 
     In a flow with `particles` the scattered vectors are the measurement. Then t, y, x, u, v, c are
@@ -134,7 +132,7 @@ class Flow:
             `wall_gap` the distance between side walls, through one of which the grains are seen.
         layer: whether the data alone show that the flow is the same along x, without `period_x`
             (`symmetry.with_layer`); no part of a file.
-        averaged: number of frames whose mean the flow is (`steady.steady_mean`); no part of a file.
+        averaged: number of frames whose mean the flow is (`steady_mean`); no part of a file.
         source: force per mass beside gravity at any point, in the units and axes of the flow, for
             manufactured flows (bench/studies/floor); no part of a file.
         every: every how many frames of a large flow this one has (`large.thinned`); no part of a
@@ -172,9 +170,6 @@ class Flow:
     every: int = 1
     sha256: str = ""
     path: Path | None = None
-
-    def __post_init__(self) -> None:
-        require_fields(self, FlowFileError)
 
     @property
     def material(self) -> Bool:

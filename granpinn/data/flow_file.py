@@ -1,45 +1,103 @@
 """Reads and writes a flow file, version 1, which xarray can open as netCDF-4.
 
-Every fault of a file is a FlowFileError.
+Every fault of a file is a FlowFileError. `read_hdf5` also reads other HDF5 files of granpinn.
 """
 
 from __future__ import annotations
 
+import hashlib
+import mmap
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth, Walls
-from granpinn.data.hdf5 import Hdf5File, read_hdf5
 from granpinn.data.particles import grid_view
-from granpinn.data.rules import check_flow, check_values
+from granpinn.data.rules import check_flow
 from granpinn.data.schema import (
+    ATTRIBUTES,
     DATASETS,
+    FIELDS,
     FORMAT_NAME,
     FORMAT_VERSION,
-    KNOWN_ATTRIBUTES,
     MOST_IN_MEMORY,
-    NUMBERS,
     OF_FLOW,
-    OPTIONAL_NUMBERS,
-    OPTIONAL_TEXTS,
-    PARTICLES,
-    TEXTS,
-    TRUE_LAW,
+    RECORDS,
     TRUTH,
     WRITE_HINT,
+    Units,
     arrays_of,
+    attribute,
+    attributes_of,
     check_conventions,
     check_layout,
-    unit_of,
 )
 from granpinn.declared import checked
+from granpinn.foreign import read_foreign
 from granpinn.output import hdf5_file
-from granpinn.physics.laws import DEFAULT
-from granpinn.regular import UnsafeFileError
+from granpinn.regular import RETRY, UnsafeFileError, open_regular_file
+
+MOST_MAPPED = 2**37  # bytes of a file
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A dataset; `values` is None unless it holds numbers."""
+
+    shape: tuple[int, ...]
+    dtype: str
+    attributes: dict[str, Any]
+    values: npt.NDArray[Any] | None
+
+
+@dataclass(frozen=True)
+class Hdf5File:
+    """What is read of a file; `datasets` holds those that exist."""
+
+    attributes: dict[str, Any]
+    datasets: dict[str, Dataset]
+    sha256: str
+
+
+def read_hdf5(path: Path, names: list[str], max_bytes: int, remedy: str) -> Hdf5File:
+    """Reads some datasets of a regular file, and the attributes of its root.
+
+    Args:
+        max_bytes: of all arrays in memory. In a larger file those that are stored without chunks
+            stay in the file, read-only; it must not change while they are used.
+        remedy: for a file with more data.
+
+    Raises:
+        UnsafeFileError: the file breaks a rule of the container.
+    """
+    with open_regular_file(path, MOST_MAPPED) as stream:
+        n_bytes = os.fstat(stream.fileno()).st_size
+        in_place = n_bytes > max_bytes
+        image = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if in_place else None
+        request: dict[str, Any] = {"names": names, "remedy": remedy, "in_place": in_place}
+        found = read_foreign("hdf5", path, n_bytes, max_bytes=max_bytes, **request)
+        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]
+    datasets = {}
+    for name, part in found["datasets"].items():
+        values, shape = part.get("values"), tuple(part["shape"])
+        if "place" in part:
+            values = _mapped(image, part["dtype"], shape, part["place"])
+        datasets[name] = Dataset(shape, part["dtype"], part["attributes"], values)
+    return Hdf5File(found["attributes"], datasets, sha256)
+
+
+def _mapped(image: Any, dtype: str, shape: tuple[int, ...], place: int | None) -> Any:
+    """Numbers that lie in a mapped file."""
+    count = int(np.prod(shape))
+    if place is None or place + count * np.dtype(dtype).itemsize > len(image):
+        raise UnsafeFileError(f"the file was cut off, expected a whole HDF5 file: {RETRY}")
+    return np.frombuffer(image, dtype, count, place).reshape(shape)
+
 
 DEFAULT_MAX_BYTES = MOST_IN_MEMORY
 MOVING_WALLS = "wall_t"  # times of pieces in files of older versions
@@ -53,7 +111,7 @@ def is_flow_file(path: Path) -> bool:
     """Whether a file is a flow file, from its attribute."""
     try:
         file = read_hdf5(path, [], DEFAULT_MAX_BYTES, _RAISE)
-        return bool(file.attributes.text("format_name") == FORMAT_NAME)
+        return bool(attribute(file.attributes, "format_name", str) == FORMAT_NAME)
     except UnsafeFileError:  # no HDF5, or another kind of it
         return False
 
@@ -73,7 +131,7 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
     """
     try:
         flow = _read(Path(path), max_bytes)
-        check_values(flow)
+        check_flow(flow)
     except (FlowFileError, UnsafeFileError) as error:
         raise FlowFileError(f"{path}: {error}") from None
     return flow
@@ -87,79 +145,77 @@ def _read(path: Path, max_bytes: int) -> Flow:
             f"{MOVING_WALLS} must not be there, as walls stay in their place: leave out the pieces "
             "that move, and the frames before a gate has left"
         )
-    stated = file.attributes
-    constants: dict[str, Any] = {"gravity": tuple(map(float, stated.numbers("gravity", True)))}
-    constants |= {name: stated.number(name, True) for name in NUMBERS}
-    constants |= {name: stated.text(name, True) for name in TEXTS}
-    optional: dict[str, Any] = {name: stated.number(name) for name in OPTIONAL_NUMBERS}
-    optional |= {name: stated.text(name) for name in OPTIONAL_TEXTS}
-    truth = _truth(file)
-    others = stated.scalars(KNOWN_ATTRIBUTES)
-    of_flow = {name: stated.number(name) for name in OF_FLOW}
-    others |= {name: value for name, value in of_flow.items() if value is not None}
-    units = constants["length_unit"], constants["time_unit"], optional["density_unit"]
-    arrays = _arrays(file, units)
-    for name in ("sigma_u", "sigma_v"):
-        if name in arrays and optional[name] is not None:
-            raise FlowFileError(
-                f"{name} must be either an attribute or a dataset, got both: remove one"
-            )
-        optional[name] = arrays.pop(name, optional[name])
-    prefix = f"{PARTICLES}/"
-    scattered = {n.removeprefix(prefix): arrays.pop(n) for n in [*arrays] if n.startswith(prefix)}
-    if scattered:
-        optional["particles"] = particles = Particles(**scattered)
-        arrays |= grid_view(particles)
-    surface = {name: arrays.pop(f"surface_{name}", None) for name in ("t", "x", "y", "p")}
-    walls = {n.removeprefix("wall_"): arrays.pop(n) for n in [*arrays] if n.startswith("wall_")}
+    stated = {n: attribute(file.attributes, n, r.kind, r.required) for n, r in ATTRIBUTES.items()}
+    stated = {name: value for name, value in stated.items() if value is not None}
+    units = Units(stated["length_unit"], stated["time_unit"], stated.get("density_unit"))
+    parts = _arrays(file, units)
+    flow, particles = parts[Flow], None
+    constants = {name: value for name, value in stated.items() if name in FIELDS}
+    constants["gravity"] = tuple(map(float, attribute(file.attributes, "gravity", list, True)))
+    if twice := flow.keys() & constants.keys():
+        raise FlowFileError(
+            f"{min(twice)} must be either an attribute or a dataset, got both: remove one"
+        )
+    if parts[Particles]:
+        particles = Particles(**parts[Particles])
+        flow |= grid_view(particles)
     return Flow(
-        **arrays,
+        **flow,
         **constants,
-        **optional,
-        surface=None if surface["t"] is None else Surface(**surface),
-        walls=Walls(**walls) if walls else None,
-        truth=truth,
-        attributes=others,
+        particles=particles,
+        surface=Surface(**parts[Surface]) if parts[Surface] else None,
+        walls=Walls(**parts[Walls]) if parts[Walls] else None,
+        truth=_truth({field: stated[name] for name, field in TRUTH.items() if name in stated}),
+        attributes=_others(file) | {n: stated[n] for n in OF_FLOW if n in stated},
         sha256=file.sha256,
         path=path,
     )
 
 
-def _truth(file: Hdf5File) -> Truth | None:
+def _others(file: Hdf5File) -> dict[str, str | float]:
+    """Texts and single numbers without a meaning in the format."""
+    # Attributes with odd names are left out, as they would only clutter reports and tables.
+    known = {"format_name", "format_version", "gravity", *ATTRIBUTES}
+    named = {n: v for n, v in file.attributes.items() if n.isidentifier() and n not in known}
+    single = {n: v[0] for n, v in named.items() if isinstance(v, list) and len(v) == 1}
+    return {n: v for n, v in named.items() if isinstance(v, str)} | single
+
+
+def _truth(stated: dict[str, Any]) -> Truth | None:
     """The law that made the data; None if the file states neither the law nor a parameter."""
-    law = file.attributes.text(TRUE_LAW)
-    values = {field: file.attributes.number(name) for name, field in TRUTH.items()}
-    if law is None and all(value is None for value in values.values()):
-        return None
     try:
-        return Truth(law=law or DEFAULT.name, **values)
+        return Truth(**stated) if stated else None
     except ValueError as error:
         raise FlowFileError(f"the true friction law: {error}") from None
 
 
-def _arrays(file: Hdf5File, units: tuple[str, str, str | None]) -> dict[str, Any]:
-    """All arrays of the format in their types, after checks of their layout and units."""
+def _arrays(file: Hdf5File, units: Units) -> dict[type, dict[str, Any]]:
+    """The arrays of every record, after checks of their layout and units."""
     check_layout(file.datasets)
     for name, dataset in file.datasets.items():
-        check_conventions(name, dataset.attributes, unit_of(DATASETS[name], *units))
+        check_conventions(name, dataset.attributes, units.of(DATASETS[name].quantity))
     # A number beyond the range of the type becomes infinite, as in HDF5.
     with np.errstate(over="ignore"):
         return {
-            name: np.asarray(dataset.values, DATASETS[name].dtype or dataset.dtype)
-            for name, dataset in file.datasets.items()
+            kind: {
+                rule.name.removeprefix(prefix): np.asarray(read.values, rule.dtype or read.dtype)
+                for rule in rules
+                if (read := file.datasets.get(rule.name))
+            }
+            for kind, (prefix, rules) in RECORDS.items()
         }
 
 
 def _check_version(file: Hdf5File) -> None:
-    name = file.attributes.text("format_name")
+    name = attribute(file.attributes, "format_name", str)
     if name != FORMAT_NAME:
         found = "nothing" if name is None else repr(name[:40])
         raise FlowFileError(
             f"the attribute format_name must be '{FORMAT_NAME}', got {found}: this is another "
             f"kind of HDF5 file; {WRITE_HINT}"
         )
-    version = file.attributes.numbers("format_version")
-    if version != (FORMAT_VERSION,):
+    version = attribute(file.attributes, "format_version", list)
+    if version != [FORMAT_VERSION]:
         found = "nothing" if version is None else ", ".join(f"{value:g}" for value in version[:4])
         raise FlowFileError(
             f"the attribute format_version must be {FORMAT_VERSION}, got {found}: update "
@@ -171,7 +227,7 @@ FRAMES_PER_CHUNK = 10
 ROWS_PER_CHUNK = 100_000
 _PACKED = {"compression": "gzip", "shuffle": True}
 # Dimension scales: the axis that each coordinate stands for.
-_SCALES = {"T": "t", "Y": "y", "X": "x", "N": f"{PARTICLES}/t", "n": "surface_t", "m": "wall_x"}
+_SCALES = {"T": "t", "Y": "y", "X": "x", "N": "particles/t", "n": "surface_t", "m": "wall_x"}
 
 
 @checked
@@ -197,16 +253,11 @@ def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
 
 
 def _write_attributes(file: h5py.File, flow: Flow) -> None:
-    truth = flow.truth or Truth()
     values = {
-        **flow.attributes,
+        **attributes_of(flow),
         "format_name": FORMAT_NAME,
         "format_version": FORMAT_VERSION,
         "gravity": np.asarray(flow.gravity, dtype=np.float64),
-        **{name: getattr(flow, name) for name in (*NUMBERS, *TEXTS)},
-        **{name: getattr(flow, name) for name in (*OPTIONAL_NUMBERS, *OPTIONAL_TEXTS)},
-        TRUE_LAW: None if flow.truth is None else flow.truth.law,
-        **{name: getattr(truth, field) for name, field in TRUTH.items()},
     }
     for name, value in sorted(values.items()):  # equal flows make equal files
         if isinstance(value, str):
@@ -229,7 +280,7 @@ def _write_arrays(file: h5py.File, flow: Flow) -> None:
             chunks = (min(FRAMES_PER_CHUNK, array.shape[0]), *array.shape[1:])
             options = {"chunks": chunks, **_PACKED}
         dataset = file.create_dataset(rule.name, data=array, **options)
-        unit = unit_of(rule, flow.length_unit, flow.time_unit, flow.density_unit)
+        unit = Units(flow.length_unit, flow.time_unit, flow.density_unit).of(rule.quantity)
         if unit is not None:
             _write_text(dataset, "units", unit)
     for name in _SCALES.values():

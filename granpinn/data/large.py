@@ -7,20 +7,20 @@ demonstration gives the same law.
 
 from __future__ import annotations
 
-import os
 import resource
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from granpinn.arrays import Bool, Index, nearest
-from granpinn.data.flow import Flow, Surface
+from granpinn.data.flow import Flow, Particles, Surface
 
 MOST_CELLS = 2**23
 SLAB_CELLS = 2**20  # of a slab: its temporary arrays stay small
+P = TypeVar("P", Surface, Particles)
 GRID = ("u", "v", "c", "p", "sigma_u", "sigma_v")
 
 
@@ -57,34 +57,23 @@ def some_frames(flow: Flow, frames: slice | Index) -> Flow:
     return replace(flow, t=flow.t[k], surface=surface, **kept)
 
 
-def chosen(surface: Surface, kept: Bool) -> Surface:
-    """Some points of a surface."""
-    parts = {name: None if a is None else a[kept] for name, a in vars(surface).items()}
-    return Surface(**parts)  # type: ignore[arg-type]
+def chosen(points: P, kept: Bool) -> P:
+    """Some points of a surface, or some of the scattered vectors."""
+    parts: dict[str, Any] = {n: None if a is None else a[kept] for n, a in vars(points).items()}
+    return type(points)(**parts)
 
 
 def available() -> int:
-    """Bytes of memory that this process may still take."""
-    free = _free_memory()
+    """Bytes of memory that this process may still take: free ones, and what the kernel can give
+    back, within the limit of the process."""
+    lines = Path("/proc/meminfo").read_text().splitlines()
+    free = int(dict(line.split(":", 1) for line in lines)["MemAvailable"].split()[0]) * 1024
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)
     if soft != resource.RLIM_INFINITY:
-        free = min(free, soft - _address_space())
+        free = min(free, soft - address_space())
     return max(free, 0)
 
 
-def _free_memory() -> int:
-    """Free memory of the machine, and what the kernel can give back."""
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        fields = dict(line.split(":", 1) for line in lines)
-        return int(fields["MemAvailable"].split()[0]) * 1024
-    except (OSError, KeyError, ValueError):  # not Linux, or hidden in a container
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-
-
-def _address_space() -> int:
+def address_space() -> int:
     """Bytes of address space that this process has."""
-    try:
-        return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, ValueError):
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

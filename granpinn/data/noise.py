@@ -41,7 +41,7 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
         return flow
     sigma = sd * max_speed(flow) / math.sqrt(flow.averaged)
     vectors = flow.particles or flow
-    arrays: dict[str, Any] = {
+    changes: dict[str, Any] = {
         "u": _noisy(vectors.u, sigma, seed, _STREAM_U),
         "v": _noisy(vectors.v, sigma, seed, _STREAM_V),
     }
@@ -50,12 +50,12 @@ def add_noise(flow: Flow, sd: float, seed: int) -> Flow:
     sigmas: dict[str, Any] = {
         name: _in_quadrature(getattr(stated, name), sigma) for name in ("sigma_u", "sigma_v")
     }
-    changes = sigmas if stated is flow else {}
-    if flow.particles is None:
-        changes |= arrays
-    else:
-        particles = replace(flow.particles, **arrays, **({} if stated is flow else sigmas))
-        changes |= grid_view(particles) | {"particles": particles}
+    if stated is vectors:
+        changes, sigmas = changes | sigmas, {}
+    if flow.particles is not None:
+        particles = replace(flow.particles, **changes)
+        changes = grid_view(particles) | {"particles": particles}
+    changes |= sigmas
     surface = flow.surface
     if surface is not None and surface.p is not None:
         largest = sd * float(np.abs(surface.p).max())
@@ -76,9 +76,8 @@ def known_sd(flow: Flow) -> float:
 
 def stated_sigmas(flow: Flow) -> tuple[Any, Any]:
     """sigma_u and sigma_v of the measured vectors, numbers or arrays; 0: unknown."""
-    particles = flow.particles
-    own = (None, None) if particles is None else (particles.sigma_u, particles.sigma_v)
-    pairs = zip(own, (flow.sigma_u, flow.sigma_v), strict=True)
+    holders = flow.particles or flow, flow
+    pairs = ([getattr(holder, name) for holder in holders] for name in ("sigma_u", "sigma_v"))
     sigma_u, sigma_v = (next((s for s in pair if s is not None), 0.0) for pair in pairs)
     return sigma_u, sigma_v
 

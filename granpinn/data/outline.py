@@ -24,7 +24,7 @@ from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import SOLVER_CELL, Flow, FlowFileError, Surface
 from granpinn.data.large import chosen
 from granpinn.data.surface import folded, line_heights, points_of
-from granpinn.data.walls import Segments, parted, segments_of
+from granpinn.data.walls import Segments, crossed, segments_of
 
 NO_ROW = -1
 # In the toe the layer is thinner than this many grains, and p = 0 does not hold. A flow with
@@ -81,7 +81,7 @@ def _highest_rows(flow: Flow) -> Index:
     frame, place = np.nonzero(rows != NO_ROW)
     k, x, segments = rows[frame, place], flow.x[place], segments_of(flow.walls)
     low, high = (np.stack((x, h), 1) for h in (y[k], 2 * y[k + 1] - y[k]))
-    covered = parted(low, high, segments)
+    covered = crossed(low, high, segments)
     rows[frame[covered], place[covered]] = NO_ROW
     return rows
 
@@ -233,7 +233,7 @@ def _behind(flow: Flow, segments: Segments, partial: Bool) -> Bool:
         if len(full):
             nearest[own] = full[cKDTree(full).query(here[own])[1]]
     behind = np.zeros_like(partial)
-    behind[cells] = parted(here, nearest, segments)
+    behind[cells] = crossed(here, nearest, segments)
     return behind
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Index, nearest
 from granpinn.data.flow import Flow, FlowFileError, Particles
-from granpinn.data.schema import check_layout, check_ranges, particle_arrays_of
+from granpinn.data.schema import arrays_in, check_layout, check_ranges
 from granpinn.declared import checked
 
 # A cell is this many times wider than the usual distance to the nearest grain.
@@ -44,14 +44,9 @@ def grid_view(particles: Particles) -> dict[str, Any]:
     Raises:
         FlowFileError: the vectors do not span a time and an area.
     """
-    arrays = particle_arrays_of(particles)
+    arrays = arrays_in(particles)
     check_layout(arrays)
     check_ranges(arrays)
-    if (particles.sigma_u is None) != (particles.sigma_v is None):
-        raise FlowFileError(
-            "particles/sigma_u and particles/sigma_v must come together, got only one of them: "
-            "add the other or leave both out"
-        )
     t = np.unique(particles.t)
     if t.size > MAX_FRAMES:
         t = np.linspace(t[0], t[-1], MAX_FRAMES)

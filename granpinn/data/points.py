@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 
-from granpinn.arrays import Float64, Floats, Index
+from granpinn.arrays import Floats, Index
 from granpinn.config import LEVELS
 from granpinn.data.collocation import (
     above_ground,
@@ -24,16 +23,15 @@ from granpinn.data.collocation import (
     strip_of,
 )
 from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
+from granpinn.data.large import chosen
 from granpinn.data.noise import velocity_weights
 from granpinn.data.outline import surface_of
-from granpinn.data.scaling import moving, placed, turned_and_rounded
+from granpinn.data.scaling import moving, placed, turned_and_rounded, unplaced
 from granpinn.data.symmetry import axes_of
 from granpinn.data.wall_points import walls_of, warn_of_contradictions
 from granpinn.physics.axes import Axes
+from granpinn.physics.scales import Scales
 from granpinn.physics.terms import LossPoints
-
-if TYPE_CHECKING:
-    from granpinn.physics.scales import Scales
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,26 +177,32 @@ def training_sets(
     if len(flows) > 1:  # with the cells that are full in any of them
         union = replace(union, c=np.max([variant.c for variant in flows], axis=0))
     _require_distinct(union, scales, dtype)
-    shared = _shared(union, flows, scales, collocation, dtype)
-    if len(shared.points) == 0:
-        raise FlowFileError(
-            "c, u and v must hold valid vectors where c = 1 at t > 0, got none: start the "
-            "clock at the release of the grains"
-            if union.particles is None
-            else "particles/t must hold times after 0, got none: start the clock at the "
-            "release of the grains"
-        )
+    common, own, inside = _common(union, flows, scales, collocation, dtype)
     sets = []
     for k, line in enumerate(lines):
-        on_line = placed(line.x, line.y, line.t, flow, scales)
-        sets.append(_set_of(shared, k, on_line, _pressure_on(line, scales, level)))
+        weights = common.point_weights
+        if not own[:, k].all():
+            of_velocity, physics = (weights * own[:, k, None]).unbind(1)
+            weights = torch.stack([of_velocity / of_velocity.mean(), physics], 1)
+        on_line = torch.as_tensor(placed(line.x, line.y, line.t, flow, scales)).to(dtype)
+        pressure = np.zeros(line.t.size) if level != "V2" or line.p is None else line.p
+        pressure = scales.to_dimensionless(pressure.astype(np.float64), "pressure")
+        sets.append(
+            replace(
+                common,
+                point_weights=weights,
+                surface_points=on_line,
+                surface_pressure=torch.as_tensor(pressure).to(dtype),
+                equation_weights=inside[:, k].to(dtype),
+            )
+        )
     for name, values in sets[0].arrays().items():
         if not torch.isfinite(values).all():
             raise FlowFileError(
                 f"{name.replace('_', ' ')} must be finite as {dtype} in dimensionless "
                 "units, got an overflow: check the units and the values of the flow"
             )
-    if level != "V0" and len(shared.between):
+    if level != "V0" and len(common.between):
         sets = _with_strips(sets, flow, scales)
     sets = _with_walls([_with_even_weights(made) for made in sets], flow, scales, walled)
     if flow.source is None:
@@ -217,37 +221,28 @@ def vector_count(flow: Flow) -> int:
     return int((there & (flow.c > 0)).sum())
 
 
-class _Shared(NamedTuple):
-    """The points that all V variants share.
-
-    Attributes:
-        points, velocity, between: as in `TrainingSet`.
-        variances: of the vectors [N] in float64; [0] if they are not known, or are the same.
-        own, inside: the vectors [N, V] and the points between [B, V] that each variant has.
-    """
-
-    points: torch.Tensor
-    velocity: torch.Tensor
-    between: torch.Tensor
-    variances: torch.Tensor
-    own: torch.Tensor
-    inside: torch.Tensor
-
-
-def _shared(
+def _common(
     union: Flow,
     variants: Sequence[Flow],
     scales: Scales,
     collocation: float,
     dtype: torch.dtype,
-) -> _Shared:
-    """The points of all variants.
+) -> tuple[TrainingSet, torch.Tensor, torch.Tensor]:
+    """The points of all V variants, without a surface, and those that each variant has.
 
     Args:
         union: with the cells that are full in any of them.
         collocation: points between the vectors of a grid for each vector.
+
+    Returns:
+        The set, and which of its vectors [N, V] and of its points between [B, V] a variant has.
     """
     vectors, cells = _vectors(union)
+    if len(vectors.t) == 0:
+        raise FlowFileError(
+            "there must be vectors at t > 0, on a grid where c = 1, got none: start the clock at "
+            "the release of the grains"
+        )
     own = np.ones((len(vectors.t), len(variants)), bool)
     between, inside = np.empty((0, 3)), np.empty((0, len(variants)), bool)
     if len(variants) > 1 and cells is not None:
@@ -259,19 +254,33 @@ def _shared(
         if len(variants) > 1:
             complete = [lie_between(v, above_ground(v), *places) for v in variants]
             inside = np.stack(complete, 1)
-    variances = np.empty(0)
-    if vectors.sigma_u is not None and vectors.sigma_v is not None:
-        variances = (
-            vectors.sigma_u.astype(np.float64) ** 2 + vectors.sigma_v.astype(np.float64) ** 2
+    points, velocity, alone = (
+        torch.as_tensor(a).to(dtype)
+        for a in (
+            placed(vectors.x, vectors.y, vectors.t, union, scales),
+            moving(vectors.u, vectors.v, union, scales),
+            between,
         )
-    return _Shared(
-        torch.as_tensor(placed(vectors.x, vectors.y, vectors.t, union, scales)).to(dtype),
-        torch.as_tensor(moving(vectors.u, vectors.v, union, scales)).to(dtype),
-        torch.as_tensor(between).to(dtype),
-        torch.as_tensor(variances),
-        torch.as_tensor(own),
-        torch.as_tensor(inside),
     )
+    weights = torch.ones_like(velocity)
+    if vectors.sigma_u is not None and vectors.sigma_v is not None:
+        squares = [sigma.astype(np.float64) ** 2 for sigma in (vectors.sigma_u, vectors.sigma_v)]
+        weights[:, 0] = torch.as_tensor(velocity_weights(squares[0] + squares[1]))
+    common = TrainingSet(
+        points,
+        velocity,
+        weights,
+        surface_points=points[:0],
+        surface_pressure=points[:0, 0],
+        lower=points.amin(0),
+        upper=points.amax(0),
+        between=alone,
+        strip=alone[:0],
+        equation_weights=alone[:, 0],
+        wall_points=points[:0],
+        wall_velocity=velocity[:0],
+    )
+    return common, torch.as_tensor(own), torch.as_tensor(inside)
 
 
 def _vectors(flow: Flow) -> tuple[Particles, tuple[Index, ...] | None]:
@@ -280,42 +289,14 @@ def _vectors(flow: Flow) -> tuple[Particles, tuple[Index, ...] | None]:
 
     A uniform standard deviation does not change the weights and is left out.
     """
-    particles = flow.particles
-    if particles is not None:
-        kept = flow.after_start(particles.t)
-        some = {name: None if a is None else a[kept] for name, a in vars(particles).items()}
-        return Particles(**some), None  # type: ignore[arg-type]
+    if flow.particles is not None:
+        return chosen(flow.particles, flow.after_start(flow.particles.t)), None
     there = flow.valid & flow.after_start(flow.t)[:, None, None]
     frame, row, column = cells = np.nonzero(there)
     varies = isinstance(flow.sigma_u, np.ndarray) or isinstance(flow.sigma_v, np.ndarray)
     names = ("u", "v", "sigma_u", "sigma_v") if varies else ("u", "v")
     fields = {n: np.broadcast_to(getattr(flow, n), flow.c.shape)[cells] for n in names}
     return Particles(t=flow.t[frame], y=flow.y[row], x=flow.x[column], **fields), cells
-
-
-def _set_of(shared: _Shared, k: int, line: Float64, pressure: Float64) -> TrainingSet:
-    """The set of variant k without points in strips and on walls."""
-    points, velocity, between, variances, own, inside = shared
-    weights = torch.ones_like(velocity)
-    if len(variances):
-        weights[:, 0] = torch.as_tensor(velocity_weights(variances.numpy()))
-    if not own[:, k].all():
-        of_velocity, physics = (weights * own[:, k, None]).unbind(1)
-        weights = torch.stack([of_velocity / of_velocity.mean(), physics], 1)
-    return TrainingSet(
-        points,
-        velocity,
-        weights,
-        torch.as_tensor(line).to(points),
-        torch.as_tensor(pressure).to(points),
-        lower=points.amin(0),
-        upper=points.amax(0),
-        between=between,
-        strip=between[:0],
-        equation_weights=inside[:, k].to(points),
-        wall_points=points[:0],
-        wall_velocity=velocity[:0],
-    )
 
 
 def _with_strips(sets: list[TrainingSet], flow: Flow, scales: Scales) -> list[TrainingSet]:
@@ -360,10 +341,10 @@ def _with_walls(
         M = len(sets[0].surface_points)
         at, moves = walled.wall_points, walled.wall_velocity
         loaded, load = walled.surface_points[M:], walled.surface_pressure[M:]
-    elif (found := walls_of(flow)) is None:
+    elif flow.walls is None:
         return sets
     else:
-        touch, facts = found
+        touch, facts = walls_of(flow, flow.walls)
         warn_of_contradictions(facts)
         (x, y, t), (u, v) = touch.point.T, touch.target.T
         points, velocity = placed(x, y, t, flow, scales), moving(u, v, flow, scales)
@@ -397,9 +378,7 @@ def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor 
     """
     if flow.source is None:
         return None
-    axes = axes_of(flow)
-    x, y, t = points.double().cpu().numpy().T
-    places = scales.points_to_physical(np.stack([*axes.undo(x, y), t], -1))
+    places = unplaced(points.double().cpu().numpy(), flow, scales)
     force = np.stack(flow.source(*places.T), -1)
     if force.shape != (len(points), 2) or not np.isfinite(force).all():
         raise FlowFileError(
@@ -407,7 +386,7 @@ def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor 
             f"{list(force.shape)} with {int((~np.isfinite(force)).sum())} not finite for "
             f"{len(points)} points: correct the function"
         )
-    turned = np.stack(axes.turn(*scales.to_dimensionless(force, "acceleration").T), -1)
+    turned = np.stack(axes_of(flow).turn(*scales.to_dimensionless(force, "acceleration").T), -1)
     return torch.as_tensor(turned).to(points)
 
 
@@ -448,10 +427,3 @@ def _require_distinct(flow: Flow, scales: Scales, dtype: torch.dtype) -> None:
                 f"{values.size} values of which {found} differ after rounding: leave out values "
                 "that are too close, or correct the unit of the coordinates"
             )
-
-
-def _pressure_on(surface: Surface, scales: Scales, level: str) -> Float64:
-    """The dimensionless pressure on a free surface [M]."""
-    if level != "V2" or surface.p is None:
-        return np.zeros(surface.t.size)
-    return scales.to_dimensionless(surface.p.astype(np.float64), "pressure")

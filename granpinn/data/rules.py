@@ -1,7 +1,7 @@
 """The rules for the numbers of a flow, each with one error that names the dataset and the remedy.
 
-The table of `schema.py` has the shape, the type and the range of every dataset. Here are the ranges
-of attributes, and what must fit together.
+The tables of `schema.py` have the shape, the type and the range of every dataset and attribute.
+Here is what must fit together.
 """
 
 from __future__ import annotations
@@ -16,34 +16,28 @@ from granpinn.data.flow import (
     LARGEST,
     LEAST,
     PERIOD_X,
-    SOLVER_CELL,
-    SOLVER_MEAN,
     STEADY,
     SURFACE_SD,
-    WALL_GAP,
-    WINDOW,
     Flow,
     FlowFileError,
     Surface,
-    Truth,
     Walls,
 )
 from granpinn.data.large import slabs
 from granpinn.data.scaling import initial_height
 from granpinn.data.schema import (
-    TRUTH,
+    ATTRIBUTES,
+    arrays_in,
     arrays_of,
+    attributes_of,
     check_layout,
     check_range,
     check_ranges,
-    grid_arrays_of,
 )
 from granpinn.data.walls import segments_of
 from granpinn.declared import checked
 
 LONGEST_UNIT = 64  # characters
-LENGTHS = (WALL_GAP, SURFACE_SD, PERIOD_X, WINDOW, SOLVER_CELL, SOLVER_MEAN)
-MAY_BE_ZERO = (SURFACE_SD, SOLVER_CELL, SOLVER_MEAN)
 # Largest rounding of a coordinate, in units of its smallest step.
 LARGEST_ROUNDING = 0.01
 # Largest distance of surface points from the cell centers: part of their extent, or cells.
@@ -57,15 +51,10 @@ MOST_WALL_POINTS = 100_000
 @checked
 def check_flow(flow: Flow) -> None:
     """Raises FlowFileError if the flow breaks a rule of the format."""
-    for arrays in (arrays_of(flow), grid_arrays_of(flow)):
+    for arrays in (arrays_of(flow), arrays_in(flow)):
         check_layout(arrays)
-    check_values(flow)
-
-
-def check_values(flow: Flow) -> None:
-    """Checks the numbers of a flow that has passed `check_layout`."""
     _check_constants(flow)
-    arrays = arrays_of(flow) | grid_arrays_of(flow)
+    arrays = arrays_of(flow) | arrays_in(flow)
     check_ranges({name: a for name, a in arrays.items() if a.ndim == 1})
     for frames in slabs(flow):
         check_ranges({name: a[frames] for name, a in arrays.items() if a.ndim == 3})
@@ -94,66 +83,51 @@ def check_constants(**constants: Any) -> None:
 
 def _check_constants(flow: Flow) -> None:
     """Numbers and texts that are no arrays."""
-    for name in ("length_unit", "time_unit", "density_unit"):
-        unit = getattr(flow, name)
-        if unit is not None and not (
-            unit.isprintable() and 0 < len(unit) <= LONGEST_UNIT and "since" not in unit
-        ):
-            raise FlowFileError(
-                f"{name} must be the name of a unit, 1 to {LONGEST_UNIT} printable characters and "
-                f"no date, got {unit[:LONGEST_UNIT]!r} of {len(unit)}: write '1' for a "
-                "dimensionless flow"
-            )
     for name, value in flow.attributes.items():
         if not name.isidentifier() or not isinstance(value, str | int | float | np.number):
             raise FlowFileError(
                 f"the attribute {name!r} must be one number or text under a plain name, got "
                 f"{type(value).__name__}: change it or leave it out"
             )
-    for name in {*LENGTHS} & flow.attributes.keys():
-        value = flow.attributes[name]
-        if isinstance(value, str):
-            raise FlowFileError(
-                f"the attribute {name} must be a length, got {value!r}: correct it or leave it out"
-            )
-        if not (value == 0 and name in MAY_BE_ZERO):
-            check_range(f"the attribute {name}", value, LEAST, LARGEST)
-    steady = flow.attributes.get(STEADY, 0)
-    if steady not in (0, 1):
+    if flow.attributes.get(STEADY, 0) not in (0, 1):
         raise FlowFileError(
-            f"the attribute {STEADY} must be 1 in a steady flow and 0 in any other, got "
-            f"{steady!r}: correct it or leave it out"
+            f"{STEADY} must be 1 in a steady flow and 0 in any other, got "
+            f"{flow.attributes[STEADY]!r}: correct it or leave it out"
         )
-    truth = flow.truth or Truth()
-    positive = {n: getattr(flow, n) for n in ("density", "grain_diameter", "grain_density")}
-    positive |= {
-        "eta_max": flow.eta_max,
-        **{n: getattr(truth, field) for n, field in TRUTH.items()},
-    }
-    for name, value in positive.items():
-        if value is not None:
-            check_range(name, value, LEAST, LARGEST)
+    stated = attributes_of(flow)
+    for name, rule in ATTRIBUTES.items():
+        value = stated.get(name)
+        if value is None or isinstance(value, np.ndarray):
+            continue
+        if isinstance(value, str) and rule.kind is float:
+            raise FlowFileError(
+                f"{name} must be a number, got {value!r}: correct it or leave it out"
+            )
+        if rule.kind is float:
+            check_range(name, value, rule.low, rule.high)
+        elif not (value.isprintable() and 0 < len(value) <= LONGEST_UNIT and "since" not in value):
+            raise FlowFileError(
+                f"{name} must be the name of a unit, 1 to {LONGEST_UNIT} printable characters and "
+                f"no date, got {value[:LONGEST_UNIT]!r} of {len(value)}: write '1' for a "
+                "dimensionless flow"
+            )
     if flow.grain_density is not None and flow.grain_density < flow.density:
         raise FlowFileError(
             f"grain_density must be at least density, the bulk density {flow.density:g}, got "
             f"{flow.grain_density:g}: density is grain_density times the solid fraction"
         )
-    if flow.eta_min is not None and not 0 <= flow.eta_min < (flow.eta_max or math.inf):
+    if flow.eta_min is not None and flow.eta_min >= (flow.eta_max or math.inf):
         raise FlowFileError(
-            f"eta_min must be at least 0 and below eta_max, got {flow.eta_min:g}: correct this "
+            f"eta_min must be below eta_max, {flow.eta_max:g}, got {flow.eta_min:g}: correct this "
             "attribute or leave it out"
         )
     gravity = flow.gravity
     size = max(map(abs, gravity))
-    if not all(map(math.isfinite, gravity)) or not LEAST <= size <= LARGEST:
+    finite = all(map(math.isfinite, gravity))
+    if not (finite and LEAST <= size <= LARGEST and gravity[1] < 0):
         raise FlowFileError(
-            f"gravity must be two finite numbers (g_x, g_y), not both 0, got "
-            f"{[float(g) for g in gravity]}: correct this attribute"
-        )
-    if gravity[1] >= 0:
-        raise FlowFileError(
-            f"gravity must point down, g_y < 0, as y points up, got {[float(g) for g in gravity]}: "
-            "correct its sign, or turn the data by quarters (numpy.rot90)"
+            "gravity must be two finite numbers (g_x, g_y), g_y < 0 as y points up, got "
+            f"{[float(g) for g in gravity]}: correct it, or turn the data by quarters (numpy.rot90)"
         )
 
 
@@ -194,17 +168,11 @@ def _check_symmetries(flow: Flow) -> None:
 
 def _check_grains(flow: Flow) -> None:
     """There are grains from the first frame on, higher than one grain."""
-    parts = [flow.c[k] for k in slabs(flow)]
-    grains = np.concatenate([_in_any_cell(c >= 1) for c in parts])
-    if not grains.any():
+    largest = max(float(flow.c[k].max()) for k in slabs(flow))
+    if largest < 1:
         raise FlowFileError(
             f"c must be 1 where there are only grains, got no such point (largest value "
-            f"{max(float(c.max()) for c in parts):g}): set c to exactly 1 inside the material"
-        )
-    if not grains[0]:
-        raise FlowFileError(
-            "c must be 1 at some point of the first frame, whose height of grains sets the "
-            "length scale, got none: leave out the frames before the grains are seen"
+            f"{largest:g}): set c to exactly 1 inside the material"
         )
     height = initial_height(flow)
     sizes = {"grain_diameter": flow.grain_diameter}
@@ -265,8 +233,6 @@ def _check_sigma(flow: Flow) -> None:
         if isinstance(sigma, np.ndarray):
             for k in slabs(flow):
                 check_range(name, sigma[k][flow.valid_in(k)], LEAST, LARGEST, remedy=remedy)
-        elif sigma is not None:
-            check_range(name, sigma, LEAST, LARGEST, remedy=remedy)
 
 
 def _check_surface(flow: Flow, surface: Surface) -> None:

@@ -31,15 +31,10 @@ def scales_of(flow: Flow) -> Scales:
     The origin is that of the file for each coordinate that float32 resolves there.
 
     Raises:
-        FlowFileError: the flow has no grains in its first frame, or a scale is not positive.
+        FlowFileError: the flow has no grains in its first frame.
     """
-    try:
-        origin = (origin_of(flow.x), origin_of(flow.y), origin_of(flow.t))
-        return Scales.of(initial_height(flow), flow.gravity, flow.density, origin)
-    except FlowFileError:
-        raise
-    except ValueError as error:
-        raise FlowFileError(str(error)) from None
+    origin = (origin_of(flow.x), origin_of(flow.y), origin_of(flow.t))
+    return Scales.of(initial_height(flow), flow.gravity, flow.density, origin)
 
 
 def origin_of(values: Float64) -> float:
@@ -64,6 +59,12 @@ def origin_of(values: Float64) -> float:
 def placed(x: Float64, y: Float64, t: Float64, flow: Flow, scales: Scales) -> Float64:
     """Points in the units of the file [n] as (x, y, t) of the training [n, 3]."""
     return turned_and_rounded(scales.points_to_dimensionless(x, y, t), axes_of(flow))
+
+
+def unplaced(points: Float64, flow: Flow, scales: Scales) -> Float64:
+    """The inverse of `placed`: points (x, y, t) [n, 3] in the units of the file."""
+    x, y, t = points.T
+    return scales.points_to_physical(np.stack([*axes_of(flow).undo(x, y), t], -1))
 
 
 def moving(u: Floats, v: Floats, flow: Flow, scales: Scales) -> Float64:
@@ -111,8 +112,8 @@ def initial_height(flow: Flow) -> float:
     rows, columns = np.nonzero(flow.c[0] >= 1)
     if rows.size == 0:
         raise FlowFileError(
-            "c must be 1 at some point of the first frame, got none: the height of the grains "
-            "there sets the length scale"
+            "c must be 1 at some point of the first frame, whose height of grains sets the length "
+            "scale, got none: leave out the frames before the grains are seen"
         )
     h = flow.y[rows] if flow.periodic else flow.height(flow.x[columns], flow.y[rows])
     if flow.periodic:

@@ -1,16 +1,17 @@
-"""The schema of the flow file, version 1: a table of datasets with shapes, types, units, bounds.
+"""The schema of the flow file, version 1: its datasets and attributes with their types and ranges.
 
-The reader, the writer and the checks of flows in memory all use this table. Axes: T times, Y rows,
-X columns, N scattered vectors, n points of the free surface, m points of walls. A file has either
-the grid or the particles. The meaning of the datasets stands at the fields of `Flow`, `Particles`,
-`Surface` and `Walls`.
+The reader, the writer and the checks of flows in memory all use these tables. Axes: T times, Y
+rows, X columns, N scattered vectors, n points of the free surface, m points of walls. A file has
+either the grid or the particles. The meaning of the entries stands at the fields of `Flow`,
+`Particles`, `Surface` and `Walls`.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,8 @@ from granpinn.data.flow import (
     LARGEST,
     LEAST,
     PERIOD_X,
+    SOLVER_CELL,
+    SOLVER_MEAN,
     STEADY,
     SURFACE_SD,
     WALL_GAP,
@@ -26,15 +29,40 @@ from granpinn.data.flow import (
     Flow,
     FlowFileError,
     Particles,
+    Surface,
+    Walls,
 )
 from granpinn.physics.law_values import PARAMETERS
-
-if TYPE_CHECKING:
-    from granpinn.data.hdf5 import Attributes
+from granpinn.regular import UnsafeFileError
 
 FORMAT_NAME = "granpinn-flow"
 FORMAT_VERSION = 1
 MOST_IN_MEMORY = 2**30  # bytes of a flow; a larger one is stored so that it can be used in its file
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of length, time and density of a flow file; "1" means dimensionless."""
+
+    length: str
+    time: str
+    density: str | None = None
+
+    def of(self, kind: str) -> str | None:
+        """Unit of a kind of quantity; None for pressure and viscosity unless all units are SI.
+
+        A flow file may lack the unit of its density, which determines the unit of pressure.
+        """
+        if kind == "number" or self.length == self.time == "1":
+            return "1"
+        si = (self.length, self.time, self.density) == ("m", "s", "kg/m^3")
+        return {
+            **({"pressure": "Pa", "viscosity": "Pa s"} if si else {}),
+            "length": self.length,
+            "time": self.time,
+            "velocity": f"{self.length}/{self.time}",
+            "rate": f"1/{self.time}",
+        }.get(kind)
 
 
 class DatasetRule(NamedTuple):
@@ -63,7 +91,6 @@ class DatasetRule(NamedTuple):
         return f"{' or '.join(self.dtypes)} [{', '.join(self.axes)}]"
 
 
-PARTICLES = "particles"
 _GRID, _N, _SURFACE, _WALL = ("T", "Y", "X"), ("N",), ("n",), ("m",)
 _SINGLE, _DOUBLE = ("float32",), ("float64",)
 # Volume fractions of a solver exceed 0..1 by rounding errors; a larger excess is a mistake.
@@ -73,122 +100,156 @@ _SD: dict[str, Any] = {"low": LEAST}
 # A velocity keeps its type: rounded to float32 in other units, it would be another number.
 _BOTH = (*_SINGLE, *_DOUBLE)
 
-GRID_DATASETS = (
-    DatasetRule("t", ("T",), _DOUBLE, "float64", "time", True),
-    DatasetRule("y", ("Y",), _DOUBLE, "float64", "length", True),
-    DatasetRule("x", ("X",), _DOUBLE, "float64", "length", True),
-    DatasetRule("c", _GRID, _SINGLE, "float32", "fraction", True, **_FRACTION),
-    DatasetRule("u", _GRID, _BOTH, None, "velocity", True, gaps=True),
-    DatasetRule("v", _GRID, _BOTH, None, "velocity", True, gaps=True),
-    DatasetRule("p", _GRID, _SINGLE, "float32", "pressure", gaps=True),
-    DatasetRule("sigma_u", _GRID, _SINGLE, "float32", "velocity", gaps=True),
-    DatasetRule("sigma_v", _GRID, _SINGLE, "float32", "velocity", gaps=True),
-)
-PARTICLE_DATASETS = (
-    DatasetRule(f"{PARTICLES}/t", _N, _DOUBLE, "float64", "time", True),
-    DatasetRule(f"{PARTICLES}/x", _N, _DOUBLE, "float64", "length", True),
-    DatasetRule(f"{PARTICLES}/y", _N, _DOUBLE, "float64", "length", True),
-    DatasetRule(f"{PARTICLES}/u", _N, _BOTH, None, "velocity", True),
-    DatasetRule(f"{PARTICLES}/v", _N, _BOTH, None, "velocity", True),
-    DatasetRule(f"{PARTICLES}/sigma_u", _N, _SINGLE, "float32", "velocity", **_SD),
-    DatasetRule(f"{PARTICLES}/sigma_v", _N, _SINGLE, "float32", "velocity", **_SD),
-)
-SURFACE_DATASETS = (
-    DatasetRule("surface_t", _SURFACE, ("float64", "float32"), "float64", "time"),
-    DatasetRule("surface_x", _SURFACE, ("float64", "float32"), "float64", "length"),
-    DatasetRule("surface_y", _SURFACE, ("float64", "float32"), "float64", "length"),
-    DatasetRule("surface_p", _SURFACE, _BOTH, "float32", "pressure"),
-)
-WALL_DATASETS = (
-    DatasetRule("wall_x", _WALL, _DOUBLE, "float64", "length", gaps=True),
-    DatasetRule("wall_y", _WALL, _DOUBLE, "float64", "length", gaps=True),
-    DatasetRule("wall_u", _WALL, _BOTH, "float64", "velocity"),
-    DatasetRule("wall_v", _WALL, _BOTH, "float64", "velocity"),
-    DatasetRule("wall_slip", _WALL, _BOTH, "float32", "fraction", low=0, high=1),
-    DatasetRule("wall_p", _WALL, _BOTH, "float32", "pressure", low=0, gaps=True),
-)
-# Datasets of a group need these.
-_SURFACES = tuple(rule.name for rule in SURFACE_DATASETS)
-_WALLS = tuple(rule.name for rule in WALL_DATASETS)
-TOGETHER = (
-    (("surface_t", "surface_x", "surface_y"), _SURFACES),
-    (("wall_x", "wall_y"), _WALLS),
-    (("wall_u", "wall_v"), ("wall_u", "wall_v")),
-)
-DATASETS = {
-    rule.name: rule
-    for rule in (*GRID_DATASETS, *PARTICLE_DATASETS, *SURFACE_DATASETS, *WALL_DATASETS)
+# The records of a flow, each with what the names of its datasets begin with, and these datasets. A
+# dataset is required if the flow has the record.
+RECORDS: dict[type, tuple[str, tuple[DatasetRule, ...]]] = {
+    Flow: (
+        "",
+        (
+            DatasetRule("t", ("T",), _DOUBLE, "float64", "time", True),
+            DatasetRule("y", ("Y",), _DOUBLE, "float64", "length", True),
+            DatasetRule("x", ("X",), _DOUBLE, "float64", "length", True),
+            DatasetRule("c", _GRID, _SINGLE, "float32", "number", True, **_FRACTION),
+            DatasetRule("u", _GRID, _BOTH, None, "velocity", True, gaps=True),
+            DatasetRule("v", _GRID, _BOTH, None, "velocity", True, gaps=True),
+            DatasetRule("p", _GRID, _SINGLE, "float32", "pressure", gaps=True),
+            DatasetRule("sigma_u", _GRID, _SINGLE, "float32", "velocity", gaps=True),
+            DatasetRule("sigma_v", _GRID, _SINGLE, "float32", "velocity", gaps=True),
+        ),
+    ),
+    Particles: (
+        "particles/",
+        (
+            DatasetRule("particles/t", _N, _DOUBLE, "float64", "time", True),
+            DatasetRule("particles/x", _N, _DOUBLE, "float64", "length", True),
+            DatasetRule("particles/y", _N, _DOUBLE, "float64", "length", True),
+            DatasetRule("particles/u", _N, _BOTH, None, "velocity", True),
+            DatasetRule("particles/v", _N, _BOTH, None, "velocity", True),
+            DatasetRule("particles/sigma_u", _N, _SINGLE, "float32", "velocity", **_SD),
+            DatasetRule("particles/sigma_v", _N, _SINGLE, "float32", "velocity", **_SD),
+        ),
+    ),
+    Surface: (
+        "surface_",
+        (
+            DatasetRule("surface_t", _SURFACE, ("float64", "float32"), "float64", "time", True),
+            DatasetRule("surface_x", _SURFACE, ("float64", "float32"), "float64", "length", True),
+            DatasetRule("surface_y", _SURFACE, ("float64", "float32"), "float64", "length", True),
+            DatasetRule("surface_p", _SURFACE, _BOTH, "float32", "pressure"),
+        ),
+    ),
+    Walls: (
+        "wall_",
+        (
+            DatasetRule("wall_x", _WALL, _DOUBLE, "float64", "length", True, gaps=True),
+            DatasetRule("wall_y", _WALL, _DOUBLE, "float64", "length", True, gaps=True),
+            DatasetRule("wall_u", _WALL, _BOTH, "float64", "velocity"),
+            DatasetRule("wall_v", _WALL, _BOTH, "float64", "velocity"),
+            DatasetRule("wall_slip", _WALL, _BOTH, "float32", "number", low=0, high=1),
+            DatasetRule("wall_p", _WALL, _BOTH, "float32", "pressure", low=0, gaps=True),
+        ),
+    ),
 }
+DATASETS = {rule.name: rule for _, rules in RECORDS.values() for rule in rules}
+PAIRS = (("wall_u", "wall_v"), ("particles/sigma_u", "particles/sigma_v"))
 
-# Root attributes with a meaning of their own; all others are kept in Flow.attributes.
-NUMBERS = ("density", "grain_diameter")
-TEXTS = ("length_unit", "time_unit")
-OPTIONAL_TEXTS = ("density_unit",)
-OPTIONAL_NUMBERS = ("eta_max", "eta_min", "sigma_u", "sigma_v", "grain_density")
-# Numbers about the whole flow, in Flow.attributes: 1 if it is steady; its period along x; the
-# sd of its surface line; the distance between side walls; the window of its vectors.
-OF_FLOW = (STEADY, PERIOD_X, SURFACE_SD, WALL_GAP, WINDOW)
-TRUE_LAW = "true_law"  # absent: mu_of_i
-TRUTH = {f"true_{name}": name for name in PARAMETERS}
-KNOWN_ATTRIBUTES = frozenset(
-    (
-        *("format_name", "format_version", "gravity", TRUE_LAW),
-        *(*NUMBERS, *TEXTS, *OPTIONAL_TEXTS, *OPTIONAL_NUMBERS, *OF_FLOW, *TRUTH),
-    )
-)
+
+class AttributeRule(NamedTuple):
+    """What one attribute of the root may be: a text (`kind` is str), or a number in a range."""
+
+    kind: type = float
+    required: bool = False
+    low: float = LEAST
+    high: float = LARGEST
+
+
+# Fields of a flow.
+FIELDS = {
+    **dict.fromkeys(("density", "grain_diameter"), AttributeRule(required=True)),
+    **dict.fromkeys(("length_unit", "time_unit"), AttributeRule(str, required=True)),
+    "density_unit": AttributeRule(str),
+    **dict.fromkeys(("grain_density", "eta_max", "sigma_u", "sigma_v"), AttributeRule()),
+    "eta_min": AttributeRule(low=0),
+}
+# Numbers about the whole flow, in `Flow.attributes`: 1 if it is steady; its period along x; the
+# distance between side walls; the window of its vectors; the sd of its surface line; lengths of the
+# solver that made it.
+OF_FLOW = {
+    STEADY: AttributeRule(low=0, high=1),
+    **dict.fromkeys((PERIOD_X, WALL_GAP, WINDOW), AttributeRule()),
+    **dict.fromkeys((SURFACE_SD, SOLVER_CELL, SOLVER_MEAN), AttributeRule(low=0)),
+}
+TRUTH = {"true_law": "law", **{f"true_{name}": name for name in PARAMETERS}}
+# All others are kept in `Flow.attributes`, beside those that state the format, and gravity.
+ATTRIBUTES = {
+    **FIELDS,
+    **OF_FLOW,
+    **{name: AttributeRule(str if field == "law" else float) for name, field in TRUTH.items()},
+}
 
 
 # Each makes other numbers of the stored ones: the first two even if they only round, the third
 # (of xarray) truth values or durations.
 CHANGING = ("scale_factor", "add_offset", "dtype")
 FILL = ("_FillValue", "missing_value")
-SI = ("m", "s", "kg/m^3")
 WRITE_HINT = "write it with granpinn.data.write_flow"
 
 
 def arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
     """The arrays of a flow by the names of their datasets."""
-    own = grid_arrays_of(flow) if flow.particles is None else particle_arrays_of(flow.particles)
-    own |= _arrays(SURFACE_DATASETS, "surface_", flow.surface)
-    return own | _arrays(WALL_DATASETS, "wall_", flow.walls)
+    vectors = flow.particles or flow
+    return arrays_in(vectors) | arrays_in(flow.surface) | arrays_in(flow.walls)
 
 
-def grid_arrays_of(flow: Flow) -> dict[str, npt.NDArray[Any]]:
-    """The arrays on the grid, also if it is only a view of particles."""
-    return _arrays(GRID_DATASETS, "", flow)
-
-
-def particle_arrays_of(particles: Particles) -> dict[str, npt.NDArray[Any]]:
-    """The arrays of particles by the names of their datasets."""
-    return _arrays(PARTICLE_DATASETS, f"{PARTICLES}/", particles)
-
-
-def _arrays(
-    rules: tuple[DatasetRule, ...], prefix: str, holder: Any
-) -> dict[str, npt.NDArray[Any]]:
-    parts = {rule.name: getattr(holder, rule.name.removeprefix(prefix), None) for rule in rules}
+def arrays_in(record: Flow | Particles | Surface | Walls | None) -> dict[str, npt.NDArray[Any]]:
+    """The arrays of one record by the names of their datasets."""
+    if record is None:
+        return {}
+    prefix, rules = RECORDS[type(record)]
+    parts = {rule.name: getattr(record, rule.name.removeprefix(prefix)) for rule in rules}
     return {name: part for name, part in parts.items() if isinstance(part, np.ndarray)}
 
 
-def unit_of(rule: DatasetRule, length: str, time: str, density: str | None) -> str | None:
-    """The unit of a dataset in a file with units of length, time and density.
+def attributes_of(flow: Flow) -> dict[str, Any]:
+    """The attributes of a flow by their names in its file; None for what is unknown."""
+    values = flow.attributes | {name: getattr(flow, name) for name in FIELDS}
+    return values | {name: getattr(flow.truth, field, None) for name, field in TRUTH.items()}
 
-    None for a pressure, unless the flow is dimensionless or in SI units.
+
+def attribute(stated: Mapping[str, Any], name: str, kind: type, required: bool = False) -> Any:
+    """A text (str), one number (float) or all numbers (list); None if there is none.
+
+    Args:
+        stated: attributes of a file or a dataset: text, a list of numbers, or `{"type": NAME}`.
+
+    Raises:
+        UnsafeFileError: it is of another kind, or it is required and missing.
     """
-    if rule.quantity == "fraction" or length == time == "1":
-        return "1"
-    if rule.quantity == "pressure":
-        return "Pa" if (length, time, density) == SI else None
-    return {"time": time, "length": length, "velocity": f"{length}/{time}"}[rule.quantity]
+    value = stated.get(name)
+    if value is None and required:
+        raise UnsafeFileError(f"the attribute {name} is missing: add it to the root of the file")
+    if kind is float and isinstance(value, list):
+        if len(value) != 1:
+            raise UnsafeFileError(
+                f"the attribute {name} must be one number, got {len(value)}: correct it"
+            )
+        return float(value[0])
+    if value is None or isinstance(value, kind):
+        return value
+    found = value["type"] if isinstance(value, dict) else "text"
+    if isinstance(value, list):
+        found = f"{len(value)} numbers"
+    expected = {str: "one text", float: "a number", list: "numbers"}[kind]
+    raise UnsafeFileError(f"the attribute {name} must be {expected}, got {found}: write it as such")
 
 
-def check_conventions(name: str, attributes: Attributes, wanted: str | None) -> None:
+def check_conventions(name: str, attributes: Mapping[str, Any], wanted: str | None) -> None:
     """Raises FlowFileError if an attribute of a dataset changes its numbers or their unit.
 
     Programs that open the file as netCDF, such as xarray, apply the attributes of the CF
     conventions. granpinn takes the numbers as they are stored.
     """
-    fills = {attribute: attributes.numbers(attribute) for attribute in FILL}
+    fills = {fill: attribute(attributes, fill, list) for fill in FILL}
     other = [a for a, values in fills.items() if values and not np.isnan(values).all()]
     if wrong := [a for a in CHANGING if a in attributes] + other:
         raise FlowFileError(
@@ -196,21 +257,13 @@ def check_conventions(name: str, attributes: Attributes, wanted: str | None) -> 
             f"{wrong[0]}, by which other programs change its numbers: write the final numbers "
             "without it"
         )
-    if "units" not in attributes:
-        return
-    found = attributes.text("units")
-    if wanted is None:
+    found = attribute(attributes, "units", str)
+    known = [] if wanted is None else [_plain(wanted), _plain(wanted.replace("/", " ") + "-1")]
+    if found is not None and _plain(found) not in known:
         raise FlowFileError(
-            f"{name} must have no attribute units unless the file is dimensionless or in m, s and "
-            f"kg/m^3 (density_unit), got {found!r}: remove it, or state density_unit"
-        )
-    if found is None or _plain(found) not in (
-        _plain(wanted),
-        _plain(wanted.replace("/", " ") + "-1"),
-    ):
-        raise FlowFileError(
-            f"{name} must be in {wanted!r} by length_unit and time_unit of the file, got the "
-            f"attribute units = {found!r}: convert {name}, or correct the attribute"
+            f"{name} must be in {wanted!r} by length_unit, time_unit and density_unit of the file "
+            f"(None: no unit may be stated), got the attribute units = {found!r}: convert {name}, "
+            "or correct or remove the attribute"
         )
 
 
@@ -226,30 +279,32 @@ def check_layout(found: Mapping[str, Any]) -> None:
         found: every dataset of the format that a file or a flow has, with its `shape` and `dtype`.
     """
     sizes: dict[str, int] = {}
-    scattered = [rule.name for rule in PARTICLE_DATASETS if rule.name in found]
-    gridded = [rule.name for rule in GRID_DATASETS if rule.name in found]
-    if scattered and gridded:
+    there = {
+        kind: [rule.name for rule in rules if rule.name in found]
+        for kind, (_, rules) in RECORDS.items()
+    }
+    if there[Particles] and there[Flow]:
         raise FlowFileError(
-            f"a flow must be on a grid or at particles, got both {gridded[0]} and "
-            f"{scattered[0]}: leave one of them out"
+            f"a flow must be on a grid or at particles, got both {there[Flow][0]} and "
+            f"{there[Particles][0]}: leave one of them out"
         )
-    own = PARTICLE_DATASETS if scattered else GRID_DATASETS
-    for rule in (*own, *SURFACE_DATASETS, *WALL_DATASETS):
-        if rule.name in found:
-            _check_one_layout(rule, found[rule.name], sizes)
-        elif rule.required:
-            names = ", ".join(found) or "none of the format"
+    vectors = Particles if there[Particles] else Flow
+    for kind, (_, rules) in RECORDS.items():
+        for rule in rules if there[kind] or kind is vectors else ():
+            if rule.name in found:
+                _check_one_layout(rule, found[rule.name], sizes)
+            elif rule.required:
+                raise FlowFileError(
+                    f"{rule.name} is missing: expected a dataset {rule.name} {rule}, found "
+                    f"{', '.join(found) or 'none of the format'}; add it"
+                    + ", NaN where nothing is known"
+                    * rule.gaps
+                )
+    for pair in PAIRS:
+        if len(lacking := [name for name in pair if name not in found]) == 1:
             raise FlowFileError(
-                f"{rule.name} is missing: expected a dataset {rule.name} {rule}, found {names}; "
-                "add it" + ("" if scattered else ", NaN where nothing is known")
-            )
-    for needed, group in TOGETHER:
-        there = [name for name in found if name in group]
-        lacking = [name for name in needed if name not in found]
-        if there and lacking:
-            raise FlowFileError(
-                f"{', '.join(there)} must come with {' and '.join(lacking)}, got none: add the "
-                "others or leave them all out"
+                f"{' and '.join(pair)} must come together, got no {lacking[0]}: add it or leave "
+                "both out"
             )
 
 

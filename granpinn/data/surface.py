@@ -56,25 +56,17 @@ def folded(t: Float64, x: Float64, line: Surface) -> Bool:
     """Where the line is vertical or folds: its points within a column differ by more than `STEEP`
     columns in height [T, X]. Arguments as in `line_heights`."""
     limit = STEEP * float(np.median(np.diff(x)))
-    point, edges = _by_frame(t, line.t)
-    frame = np.repeat(np.arange(len(t)), np.diff(edges))
-    column = nearest(x, line.x[point])
     low, high = np.full((len(t), len(x)), np.inf), np.full((len(t), len(x)), -np.inf)
-    np.minimum.at(low, (frame, column), line.y[point])
-    np.maximum.at(high, (frame, column), line.y[point])
+    for k, now in points_of(t, line.t):
+        column = nearest(x, line.x[now])
+        np.minimum.at(low[k], column, line.y[now])
+        np.maximum.at(high[k], column, line.y[now])
     steep: Bool = high - low > limit
     return steep
 
 
 def points_of(t: Float64, line_t: Float64) -> Iterator[tuple[int, Index]]:
     """The frames that have a line, and the numbers of its points [k] (`line_heights`)."""
-    point, edges = _by_frame(t, line_t)
-    for k in np.flatnonzero(np.diff(edges)):
-        yield int(k), point[edges[k] : edges[k + 1]]
-
-
-def _by_frame(t: Float64, line_t: Float64) -> tuple[Index, Index]:
-    """The points of all lines, frame by frame, and where the frames begin among them [T + 1]."""
     frame = nearest(t, line_t)
     gap = np.abs(line_t - t[frame])
     order = np.lexsort((gap, frame))
@@ -84,7 +76,9 @@ def _by_frame(t: Float64, line_t: Float64) -> tuple[Index, Index]:
     same = np.abs(line_t - closest[frame]) <= SAME_TIME * np.abs(closest[frame])
     point = np.flatnonzero(same)
     point = point[np.argsort(frame[point], kind="stable")]
-    return point, np.searchsorted(frame[point], np.arange(len(t) + 1))
+    edges = np.searchsorted(frame[point], np.arange(len(t) + 1))
+    for k in np.flatnonzero(np.diff(edges)):
+        yield int(k), point[edges[k] : edges[k + 1]]
 
 
 def moved(flow: Flow, surface: Surface, *offsets: float) -> list[Surface]:
@@ -99,12 +93,11 @@ def outward_normals(flow: Flow, surface: Surface) -> Float64:
     line = np.stack([surface.x, surface.y], -1)
     found = np.empty(line.shape)
     frames, vectors = _vectors(flow)
-    order = np.argsort(surface.t, kind="stable")
-    times, first = np.unique(surface.t[order], return_index=True)
-    for t, now in zip(times, np.split(order, first[1:]), strict=True):
+    times = np.unique(surface.t)
+    for k, now in points_of(times, surface.t):
         points = line[now]
         normals = _normals(points, up)
-        grains = vectors[int(np.argmin(np.abs(frames - t)))]
+        grains = vectors[int(np.argmin(np.abs(frames - times[k])))]
         away = np.broadcast_to(up, points.shape)
         if len(grains):
             near = cKDTree(grains).query(points, min(GRAINS, len(grains)))[1]
@@ -129,9 +122,8 @@ def _vectors(flow: Flow) -> tuple[Float64, list[Float64]]:
     """Times [T], and the places of the vectors of each [k, 2]."""
     p = flow.particles
     if p is not None:
-        order = np.argsort(p.t, kind="stable")
-        times, first = np.unique(p.t[order], return_index=True)
-        return times, np.split(np.stack([p.x, p.y], -1)[order], first[1:])
+        times, places = np.unique(p.t), np.stack([p.x, p.y], -1)
+        return times, [places[now] for _, now in points_of(times, p.t)]
     frame, row, column = np.nonzero(flow.valid)
     ends = np.searchsorted(frame, np.arange(1, flow.t.size))
     return flow.t, np.split(np.stack([flow.x[column], flow.y[row]], -1), ends)
@@ -151,14 +143,14 @@ def surface_sd(flow: Flow, level: str) -> float:
         return float(flow.attributes[SURFACE_SD])
     if flow.particles is not None:
         return HALF * grain
-    distance = from_fraction(flow, flow.surface)
+    distance = distance_to_fraction(flow, flow.surface)
     if cell is not None:
         return distance if distance > HALF * cell else 0.0
     mask = _share_of_fractions(flow, flow.surface) < HALF
     return max(HALF * grain, distance, between_rows if mask else 0.0)
 
 
-def from_fraction(flow: Flow, surface: Surface) -> float:
+def distance_to_fraction(flow: Flow, surface: Surface) -> float:
     """Distance of the line from the place where c falls through 1/2, at most `REACH` spacings.
 
     c is averaged over the line at every distance from it, so errors of single points cancel.

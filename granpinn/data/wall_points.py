@@ -21,7 +21,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool, Float64, Index
-from granpinn.data.flow import Flow
+from granpinn.data.flow import Flow, Walls
 from granpinn.data.walls import Segments, crossed, samples, segments_of
 from granpinn.errors import FlowFileWarning
 from granpinn.physics.terms import TERMS
@@ -30,7 +30,6 @@ REACH = 1.5  # spacings from a wall to the nearest vector of grains that touch i
 NEAR, NEAREST = 24, 12  # vectors of a fit, and of the one that shows its error
 WIDE = 4.0  # spacings to the farthest vector of a fit
 FEWEST = 6  # vectors of a fit
-AT_ONCE = 16  # frames
 TINY = np.finfo(float).tiny
 SURE = 3.0  # standard errors
 TOLERANCE = TERMS[0].sigma  # of the rms speed: less is nothing to a training
@@ -45,7 +44,6 @@ class Touch(NamedTuple):
     Attributes:
         point: x, y, t [n, 3].
         wall: number of the wall of each [n].
-        normal: of the wall [n, 2].
         stated: whether the file states that grains do not slip there [n].
         p: known normal stress [n], or NaN.
         closed: whether no grains flow through the wall [n].
@@ -55,7 +53,6 @@ class Touch(NamedTuple):
 
     point: Float64
     wall: Index
-    normal: Float64
     stated: Bool
     p: Float64
     closed: Bool
@@ -65,36 +62,40 @@ class Touch(NamedTuple):
 
 def _touch(flow: Flow, segments: Segments) -> Touch:
     """The points of walls that grains touch, at the times of all frames."""
+    spacing = max(flow.spacing)
+    k, part = samples(segments, spacing)
     frames = np.flatnonzero(flow.after_start(flow.t))
-    blocks = np.split(frames, range(AT_ONCE, frames.size, AT_ONCE))
-    parts = [_touch_in(flow, block, segments, max(flow.spacing)) for block in blocks]
+    parts = [_touch_in(flow, int(frame), segments, k, part, spacing) for frame in frames]
     return Touch(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def _touch_in(flow: Flow, frames: Index, segments: Segments, spacing: float) -> Touch:
-    """The points at some frames."""
-    k, part = samples(segments, spacing)
-    every = _between(segments.ends[k], part)
-    rows = [_neighbors(flow, frame, every, REACH * spacing) for frame in frames]
-    wet, t, step, vectors, distance, speed = map(np.concatenate, zip(*rows, strict=True))
-    seen = ~crossed(every[wet], every[wet] + step[:, 0], segments)
-    wet, t, step, vectors, distance, speed = (
-        a[seen] for a in (wet, t, step, vectors, distance, speed)
-    )
-    k, part, point = k[wet], part[wet], every[wet]
+def _touch_in(
+    flow: Flow, frame: int, segments: Segments, k: Index, part: Float64, spacing: float
+) -> Touch:
+    """The points of a frame; its numbers of segments and places on them are of all points [n]."""
+    rows, columns = np.nonzero(flow.valid_in(frame))
+    place = np.stack([flow.x[columns], flow.y[rows]], 1)
+    velocities = np.stack([a[frame][rows, columns] for a in (flow.u, flow.v)], 1).astype(np.float64)
+    speed = np.sqrt(np.mean(np.square(velocities).sum(axis=1)))
+    point = _between(segments.ends[k], part)
+    distance, nearest = cKDTree(place).query(point, k=NEAR)
+    nearest = np.minimum(nearest, len(place) - 1)  # infinitely far where there are fewer
+    step = place[nearest] - point[:, None]
+    wet = distance[:, 0] <= REACH * spacing
+    wet[wet] = ~crossed(point[wet], point[wet] + step[wet, 0], segments)
+    k, part, point, step, distance = (a[wet] for a in (k, part, point, step, distance))
+    vectors = velocities[nearest[wet]]
     normal = _between(segments.normal[k], part)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     side = np.einsum("nkc,nc->nk", step, normal)
     near = (side * side[:, :1] > 0) & (distance <= WIDE * spacing)
-    frame, farthest = np.unique(t, return_inverse=True)[1], np.full(len(frames), TINY)
-    np.maximum.at(farthest, frame, np.abs(step).max(axis=(1, 2)))
-    scale = farthest[frame]
+    scale = max(float(np.abs(step).max(initial=0.0)), TINY)
     of_grains, slope, error = _fit(step, vectors, near, scale)
     closer = near.copy()
     closer[:, NEAREST:] = False
     other, _, _ = _fit(step, vectors, closer, scale)
     change = np.abs(np.einsum("nic,ni->nc", slope, normal)) * (PLACE * spacing)
-    least = TOLERANCE * speed[:, None]
+    least = TOLERANCE * speed
     error = np.sqrt((SURE * error) ** 2 + (of_grains - other) ** 2 + change**2 + least**2)
     velocity, stated = _between(segments.velocity[k], part), segments.sticks[k]
     unknown, off = ~np.isfinite(of_grains).all(axis=1), of_grains - velocity
@@ -108,30 +109,14 @@ def _touch_in(flow: Flow, frames: Index, segments: Segments, spacing: float) -> 
     through = np.sum(off * normal, axis=1)[:, None] * normal
     target = np.where(sticks[:, None], velocity, of_grains - through)
     return Touch(
-        point=np.column_stack([point, t]),
+        point=np.column_stack([point, np.full(len(point), flow.t[frame])]),
         wall=segments.wall[k],
-        normal=normal,
         stated=stated,
         p=_between(segments.p[k], part),
         closed=closed,
         sticks=sticks,
         target=np.where(closed[:, None], target, np.nan),
     )
-
-
-def _neighbors(flow: Flow, frame: int, point: Float64, reach: float) -> tuple[Any, ...]:
-    """The points [n, 2] with a vector within reach in a frame: their numbers and times [w], steps
-    to their `NEAR` nearest vectors [w, NEAR, 2], these vectors, their distances [w, NEAR], infinite
-    where there are fewer, and the rms speed of the frame [w]."""
-    rows, columns = np.nonzero(flow.valid_in(frame))
-    place = np.stack([flow.x[columns], flow.y[rows]], 1)
-    vectors = np.stack([a[frame][rows, columns] for a in (flow.u, flow.v)], 1).astype(np.float64)
-    distance, nearest = cKDTree(place).query(point, k=NEAR)
-    wet = np.flatnonzero(distance[:, 0] <= reach)
-    nearest = np.minimum(nearest[wet], len(place) - 1)
-    speed = np.sqrt(np.mean(np.square(vectors).sum(axis=1)))
-    t, speeds = (np.full(wet.size, value) for value in (flow.t[frame], speed))
-    return wet, t, place[nearest] - point[wet, None], vectors[nearest], distance[wet], speeds
 
 
 def _between(ends: Float64, part: Float64) -> Float64:
@@ -141,7 +126,7 @@ def _between(ends: Float64, part: Float64) -> Float64:
 
 
 def _fit(
-    step: Float64, vectors: Float64, near: Bool, scale: Float64
+    step: Float64, vectors: Float64, near: Bool, scale: float
 ) -> tuple[Float64, Float64, Float64]:
     """Planes through vectors: value and its standard error at step 0 [n, 2], slopes [n, 2, 2].
 
@@ -149,9 +134,8 @@ def _fit(
         step: from the point to its vectors [n, k, 2].
         vectors: [n, k, 2].
         near: which of them count [n, k].
-        scale: size of the steps [n]; it decides which directions the vectors fix.
+        scale: size of the steps; it decides which directions the vectors fix.
     """
-    scale = scale[:, None, None]
     one = np.ones((*near.shape, 1))
     X = np.concatenate([one, step / scale], axis=2) * near[..., None]
     Y = np.where(near[..., None], vectors, 0.0)
@@ -197,52 +181,40 @@ MOST_WARNINGS = 8
 LEAST_AGREEMENT = 0.9  # of the points of a wall, below which a condition is warned of
 
 
-def walls_of(flow: Flow) -> tuple[Touch, list[WallFacts]] | None:
-    """Points and facts of the walls of a flow; None if it states no walls."""
-    if flow.walls is None:
-        return None
-    segments = segments_of(flow.walls)
+def walls_of(flow: Flow, walls: Walls) -> tuple[Touch, list[WallFacts]]:
+    """Points of walls that grains touch, and the facts of each wall."""
+    segments = segments_of(walls)
     touch, names = _touch(flow, segments), segments.names()
-    points = np.bincount(touch.wall, minlength=len(names))
 
-    def mean(values: Bool | Float64, known: Bool) -> Float64:
-        """Of each wall; NaN without known values."""
-        count = np.bincount(touch.wall, known, len(names))
-        total = np.bincount(touch.wall, np.where(known, values, 0.0), len(names))
-        unknown = np.full(len(names), np.nan)
+    def mean(values: Bool | Float64, known: Bool, otherwise: float) -> Float64:
+        """Of the known values at each wall."""
+        count = np.bincount(touch.wall[known], minlength=len(names))
+        total = np.bincount(touch.wall[known], values[known], len(names))
+        unknown = np.full(len(names), otherwise)
         return np.asarray(np.divide(total, count, out=unknown, where=count > 0))
 
-    closed, sticks = (
-        mean(touch.closed, np.ones(len(touch.wall), bool)),
-        mean(touch.sticks, touch.stated),
-    )
-    pressure = mean(touch.p, np.isfinite(touch.p))
-    without_slip = np.bincount(segments.wall, segments.sticks, minlength=len(names)) > 0
-    facts = [
-        WallFacts(
-            name=name,
-            points=int(points[k]),
-            stated=bool(without_slip[k]),
-            sticks=1.0 if np.isnan(sticks[k]) else float(sticks[k]),
-            closed=1.0 if np.isnan(closed[k]) else float(closed[k]),
-            pressure=None if np.isnan(pressure[k]) else float(pressure[k]),
-        )
-        for k, name in enumerate(names)
-    ]
-    return touch, facts
+    everywhere = np.ones(len(touch.wall), bool)
+    points = np.bincount(touch.wall, minlength=len(names))
+    stated = np.bincount(segments.wall, segments.sticks, minlength=len(names)) > 0
+    sticks = mean(touch.sticks, touch.stated, 1.0)
+    closed = mean(touch.closed, everywhere, 1.0)
+    pressure = mean(touch.p, np.isfinite(touch.p), np.nan)
+    known: list[Any] = [a.tolist() for a in (points, stated, sticks, closed)]
+    load = [None if np.isnan(p) else p for p in pressure.tolist()]
+    return touch, list(map(WallFacts, names, *known, load))
 
 
 def contradictions(facts: Sequence[WallFacts]) -> list[str]:
     """The conditions that the vectors contradict, one sentence each."""
     found = []
     for wall in facts:
-        if wall.points and wall.closed < LEAST_AGREEMENT:
+        if wall.closed < LEAST_AGREEMENT:
             found.append(
                 f"grains flow through {wall.name} at {1 - wall.closed:.0%} of the points where "
                 "they touch it: check its place and its velocity; it is no wall there in the "
                 "training"
             )
-        elif wall.points and wall.stated and wall.sticks < LEAST_AGREEMENT:
+        elif wall.sticks < LEAST_AGREEMENT:
             found.append(
                 f"grains slip along {wall.name} at {1 - wall.sticks:.0%} of the points where the "
                 "file states no slip: there the training only lets no grains through"
@@ -253,7 +225,8 @@ def contradictions(facts: Sequence[WallFacts]) -> list[str]:
 def warn_of_contradictions(facts: Sequence[WallFacts]) -> None:
     """Warns of the first walls that the vectors contradict, and says how many more there are."""
     sentences = contradictions(facts)
-    more = len(sentences) - MOST_WARNINGS
-    rest = [f"the vectors contradict {more} more walls: granpinn inspect --json lists them"]
-    for sentence in sentences[:MOST_WARNINGS] + (rest if more > 0 else []):
+    for sentence in sentences[:MOST_WARNINGS]:
         warnings.warn(sentence, FlowFileWarning, stacklevel=3)
+    if (more := len(sentences) - MOST_WARNINGS) > 0:
+        text = f"the vectors contradict {more} more walls: granpinn inspect --json lists them"
+        warnings.warn(text, FlowFileWarning, stacklevel=3)

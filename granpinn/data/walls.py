@@ -118,9 +118,10 @@ def _closed(ends: Float64, edges: Index) -> Bool:
 def crossed(start: Float64, end: Float64, segments: Segments) -> Bool:
     """Which of the straight paths from `start` [n, 2] to `end` [n, 2] cross a wall.
 
-    A path that only begins or ends on a wall does not cross it.
+    A path that only begins or ends on a wall does not cross it, nor does one without an end (NaN).
     """
     found = np.zeros(len(start), bool)
+    end = np.where(np.isnan(end), start, end)
     low, high = np.minimum(start, end), np.maximum(start, end)
     walls = np.sort(segments.ends, axis=1)
     if len(start) == 0 or len(walls) == 0:
@@ -168,14 +169,6 @@ def _close(start: Float64, end: Float64, segments: Segments) -> Iterator[tuple[I
         size = np.fromiter(map(len, near), np.intp, len(near))
         pieces = np.fromiter(chain.from_iterable(near), np.intp, int(size.sum()))
         yield np.repeat(np.arange(first, first + len(near)), size), owner[pieces]
-
-
-def parted(start: Float64, end: Float64, segments: Segments) -> Bool:
-    """Which of the paths [n, 2] cross a wall; a path without an end (NaN) crosses none."""
-    found = np.zeros(len(start), bool)
-    known = np.asarray(np.isfinite(end).all(axis=1))
-    found[known] = crossed(start[known], end[known], segments)
-    return found
 
 
 def _cross(a: Float64, b: Float64) -> Float64:

@@ -11,7 +11,7 @@ from typing import Any
 from granpinn.config import settings_of
 from granpinn.data.flow import Flow
 from granpinn.importers import DataFileError, Settings
-from granpinn.importers.reading import settings_from
+from granpinn.importers.conversion import settings_from
 
 # Settings of a conversion that have no meaning for pictures.
 WITHOUT = (
@@ -60,7 +60,7 @@ def film(
     Raises:
         DataFileError: the film or a setting cannot be used; one sentence.
     """
-    own = settings_from(settings, FilmSettings, SETTINGS)
+    own = settings_from(settings, FilmSettings, SETTINGS, "film")
     if find_spec("cv2") is None:
         raise DataFileError("films need OpenCV: pip install 'granpinn[film]'")
     from granpinn.filming.measurement import measure  # imports OpenCV

@@ -12,7 +12,6 @@ import numpy.typing as npt
 from granpinn.importers.limits import read_file
 from granpinn.importers.series import expand
 from granpinn.importers.vectors import DataFileError
-from granpinn.regular import open_regular_file
 
 Picture = npt.NDArray[np.uint8]
 FilmFrame = tuple[Picture | None, str]  # a frame, or why it cannot be read
@@ -85,9 +84,4 @@ class ImageSequence:
 
 def _read(path: Path, first: int) -> Any:
     """The answer of the child process, whose time is that for one image, whatever the size."""
-
-    def size(path: Path) -> int:
-        open_regular_file(path, 2**62).close()
-        return 2**26
-
-    return read_file("frames", path, size, first=first, max_bytes=MEMORY)
+    return read_file("frames", path, 2**62, 2**26, first=first, max_bytes=MEMORY)

@@ -26,7 +26,7 @@ from granpinn.filming.frames import ImageSequence, Picture
 from granpinn.filming.segmentation import Segmentation, segmented
 from granpinn.filming.survey import faults, release, survey
 from granpinn.filming.tracking import FEWEST, LONGEST, WINDOW, velocities
-from granpinn.importers import DataFileError, convert, units, vector_fields
+from granpinn.importers import DataFileError, VectorFields, convert, units
 from granpinn.importers.limits import read_file
 from granpinn.importers.series import frames_of
 from granpinn.importers.settings import SURFACES
@@ -102,8 +102,8 @@ def measure(
             )
         notes.append(f"tilt {tilt:.2f} +- {sd:.2f} deg, of the straight floor, taken as level")
         settings = dataclasses.replace(settings, tilt=f"{tilt!r} deg")
-    angle = units.si(settings.tilt, "angle", "--tilt")
-    gravity = units.si(settings.gravity, "acceleration", "--gravity")
+    angle = units.SI.number(settings.tilt, "angle", "--tilt")
+    gravity = units.SI.number(settings.gravity, "acceleration", "--gravity")
     share = acceleration * pixel / frame**2 / gravity
     _require_falling(share, _descent(kept, angle), settings.force)
     for text in notes:
@@ -119,8 +119,8 @@ def measure(
         settings = dataclasses.replace(settings, surface_sd=sd_of_line)
     start = (float(kept.t.min()) - (released or 0.0)) * frame
     if settings.start is not None:  # of frame 0
-        start = float(kept.t.min()) * frame + units.si(settings.start, "time", "--start")
-    fields = vector_fields(
+        start = float(kept.t.min()) * frame + units.SI.number(settings.start, "time", "--start")
+    fields = VectorFields(
         **{name: kept[name].to_numpy() for name in ("t", "x", "y", "u", "v")},
         sigma_u=kept.sd.to_numpy(),
         sigma_v=kept.sd.to_numpy(copy=True),
@@ -157,7 +157,7 @@ def _calibration(settings: FilmSettings) -> tuple[float, float, float]:
             "'0.8 mm': give all of them"
         )
     pixel, frame = units.scale(scale), units.frame_time(rate, "--frame-rate")
-    grain = units.si(d, "length", "--grain-diameter") / pixel
+    grain = units.SI.number(d, "length", "--grain-diameter") / pixel
     if not 2 <= grain <= 100:
         raise DataFileError(
             f"a grain must be 2 to 100 px wide, got {grain:.3g} px: check --scale and "

@@ -26,8 +26,8 @@ from granpinn.data.flow import Surface
 from granpinn.data.large import available
 from granpinn.data.points import training_sets, vector_count
 from granpinn.data.scaling import scales_of
-from granpinn.data.steady import said
 from granpinn.data.surface import surface_sd
+from granpinn.data.symmetry import said
 from granpinn.data.walls import segments_of
 from granpinn.estimates.facts import Facts, inertial_numbers
 from granpinn.inspection import refuse_slips

@@ -10,6 +10,7 @@ from typing import Any
 import torch
 
 from granpinn import results
+from granpinn.data.schema import Units
 from granpinn.data.symmetry import axes_of
 from granpinn.fit import scoring
 from granpinn.fit.case import Case
@@ -18,7 +19,6 @@ from granpinn.fit.prediction import inertial_range
 from granpinn.physics.laws import DEFAULT
 from granpinn.physics.terms import NAMES
 from granpinn.results import ErrorPercent, Fields, Parameter, Parameters, Residuals, Result
-from granpinn.results.fields import Units
 from granpinn.results.records import Assumed, IdentifiedLaw, Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer

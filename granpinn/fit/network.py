@@ -12,6 +12,7 @@ from torch import Tensor
 
 from granpinn.arrays import Float32, Float64, plain_array
 from granpinn.data.flow import Particles
+from granpinn.data.schema import Units
 from granpinn.errors import BadInput
 from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec
@@ -19,7 +20,7 @@ from granpinn.physics.axes import Axes
 from granpinn.physics.constants import Physics
 from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.scales import Quantity, Scales
-from granpinn.results.fields import VARIABLES, Units
+from granpinn.results.fields import VARIABLES
 from granpinn.training.operators import operators_of
 
 CHUNK = 32768  # points per evaluation: bounds the memory and leaves the values as they are

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import torch
 
+from granpinn.data.schema import Units
 from granpinn.errors import BadInput
 from granpinn.fit.network import TrainedNetwork
 from granpinn.kernels.network import NetworkSpec
@@ -20,7 +21,6 @@ from granpinn.physics.constants import Physics
 from granpinn.physics.laws import LAWS
 from granpinn.physics.scales import Scales
 from granpinn.regular import UnsafeFileError, read_regular_file
-from granpinn.results.fields import Units
 from granpinn.training.tensor_file import packed, unpacked
 
 FILE = "network.safetensors"

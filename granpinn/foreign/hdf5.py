@@ -90,19 +90,15 @@ def dataset_of(file: h5py.File, name: str) -> h5py.Dataset | None:
         encoded = part.encode("utf-8", "surrogateescape")
         if not place.links.exists(encoded):
             return None
-        _require_inside(name, place.links.get_info(encoded).type)
+        if (link := place.links.get_info(encoded).type) != h5l.TYPE_HARD:
+            raise UnsafeFileError(
+                f"{name} must be stored in the file itself, got "
+                f"{_LINKS.get(link, 'a user-defined link')}: copy the data into the file"
+            )
         place = h5o.open(place, encoded)
         if depth < len(groups) and not isinstance(place, h5g.GroupID):
             raise UnsafeFileError(f"{part} must be a group that holds {name}, got none: rename it")
     return own_dataset(name, place)
-
-
-def _require_inside(name: str, link: int) -> None:
-    if link != h5l.TYPE_HARD:
-        raise UnsafeFileError(
-            f"{name} must be stored in the file itself, got "
-            f"{_LINKS.get(link, 'a user-defined link')}: copy the data into the file"
-        )
 
 
 def own_dataset(name: str, item: Any) -> h5py.Dataset:

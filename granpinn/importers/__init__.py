@@ -2,8 +2,8 @@
 
 The files of this folder in the order in which a conversion passes them:
 
-    series.py       files and patterns -> vectors of all frames, with their times
-    formats.py      the format of a file, from its first bytes; the table of readers
+    series.py       files and patterns -> vectors of all frames, with their times; the table of
+                    readers, which are chosen by the first bytes of a file
     columns.py      tables of text: names and units of columns; grids.py and tracks.py read them,
                     pivlab_mat.py and arrays.py other files. All give `VectorFields` (vectors.py),
                     in the units of the file; libraries open the files (limits.py)
@@ -11,16 +11,13 @@ The files of this folder in the order in which a conversion passes them:
                     what files and flags state twice must agree
     points.py       given lines of the surface and walls
     conversion.py   the whole chain; grains and surface (surface.py), settings -> `Flow`
-
-reading.py calls conversion.py from Python, granpinn/commands/convert.py as a command.
 """
 
 from granpinn.importers.arrays import from_arrays
-from granpinn.importers.conversion import convert
-from granpinn.importers.reading import flow, read
+from granpinn.importers.conversion import convert, flow, read
 from granpinn.importers.series import read_vectors
 from granpinn.importers.settings import Settings
-from granpinn.importers.vectors import DataFileError, Validity, VectorFields, vector_fields
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields
 
 __all__ = [
     "DataFileError",
@@ -32,5 +29,4 @@ __all__ = [
     "from_arrays",
     "read",
     "read_vectors",
-    "vector_fields",
 ]

@@ -18,7 +18,7 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.importers import units
-from granpinn.importers.limits import file_bytes, open_file, read_file, require_room
+from granpinn.importers.limits import read_file, require_room
 from granpinn.importers.vectors import LARGEST, DataFileError, largest
 from granpinn.regular import UnsafeFileError, first_bytes
 
@@ -210,6 +210,14 @@ def layout_of(
     return TextLayout(named, skip)
 
 
+def roles_in(
+    lines: Sequence[str], roles: Mapping[str, Iterable[str]], required: Iterable[str]
+) -> set[str]:
+    """The roles that the columns of a table have; arguments as in `layout_of`."""
+    names = {column.name for column in layout_of(lines, roles, required).named}
+    return {role for role, spellings in roles.items() if names.intersection(spellings)}
+
+
 def _is_row(line: str) -> bool:
     """Whether at least half of the filled cells of a line are numbers, and it is no comment."""
     if line.startswith(("#", "%")):
@@ -311,7 +319,7 @@ def read_table(
     values = read_file(
         "table",
         path,
-        lambda path: file_bytes(path, MAX_TEXT),
+        MAX_TEXT,
         count=count,
         kept=kept,
         skip=skip,
@@ -333,7 +341,7 @@ def _has_commas(lines: Sequence[str], separator: str, kept: Iterable[int]) -> bo
 
 def _last_line(path: Path, encoding: str) -> str:
     """The last line of a file that is not blank, or the end of it."""
-    with open_file(path, MAX_TEXT) as stream:
+    with path.open("rb") as stream:
         stream.seek(-2 * min(stream.seek(0, 2) // 2, HEAD // 2), 2)  # UTF-16 has pairs of bytes
         end = stream.read(HEAD).decode(encoding.removesuffix("-sig"), "replace")
     return end.rstrip("\0\r\n ").replace("\r", "\n").rpartition("\n")[2]

@@ -1,18 +1,19 @@
-"""Conversion of files to a flow: vectors, calibration, grains, free surface, material."""
+"""Conversion of files, or of arrays, to a flow: vectors, calibration, grains, surface, material."""
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from granpinn.arrays import Bool
+from granpinn.config import settings_of
+from granpinn.config.fields import unknown
 from granpinn.data.flow import (
     STEADY,
     SURFACE_SD,
@@ -22,19 +23,30 @@ from granpinn.data.flow import (
     Particles,
     Surface,
 )
+from granpinn.data.large import chosen
 from granpinn.data.particles import particle_flow
 from granpinn.data.scaling import scales_of
 from granpinn.data.surface import folded
+from granpinn.declared import checked
 from granpinn.errors import FlowFileWarning
 from granpinn.importers import points
 from granpinn.importers import surface as surfaces
-from granpinn.importers.frame import Frame, calibration, frame_of, missing_units, require_agreement
+from granpinn.importers.arrays import ARRAYS, from_dataset
+from granpinn.importers.frame import (
+    Frame,
+    frame_of,
+    missing_units,
+    require_agreement,
+    stated_calibration,
+    with_units,
+)
 from granpinn.importers.limits import require_room
-from granpinn.importers.masks import with_mask
 from granpinn.importers.series import Source, measured, selected_frames, vectors_of
 from granpinn.importers.settings import SURFACES, Settings, material_of, missing_constants
 from granpinn.importers.vectors import GAPS, DataFileError, Validity, VectorFields
 
+S = TypeVar("S", bound=Settings)
+SETTINGS = tuple(settings_of(Settings))
 ROUNDING = 1e-6  # of times in float32
 MENDED = 2.0  # spacings of a window that averaging mends (bench/studies/window)
 
@@ -59,33 +71,39 @@ def convert(
         DataFileError: files or settings cannot be used; the message is one sentence.
     """
     settings = settings or Settings()
-    tell = report or (lambda line: None)
-    fields = vectors_of(source, settings)
-    numbers = [a for a in fields.arrays().values() if a.dtype.kind == "f"]
-    require_room(sum(a.size for a in numbers), 8, fields.facts.get("format", "the arrays"))
-    tell(_described(fields))
-    whole, fields = fields, measured(fields, settings)
-    fields = selected_frames(fields, settings)
+    tell = report or str
+    whole = vectors_of(source, settings)
+    count = sum(a.size for name, a in whole.arrays().items() if name != "validity")
+    require_room(count, 8, whole.facts.get("format", "the arrays"))
+    tell(_described(whole))
+    fields = with_units(selected_frames(measured(whole, settings), settings), settings)
     missing = missing_units(fields, settings) + missing_constants(settings)
     if missing:
         raise DataFileError(f"missing: {'; '.join(missing)}")
     constants, lengths = material_of(settings)
     if settings.mask is not None:
-        fields = with_mask(fields, settings.mask, settings.length_unit or fields.length_unit)
+        fields = surfaces.with_mask(fields, settings.mask)
     frame = frame_of(fields, settings)
     require_agreement(whole, settings, frame)
     si = frame.apply(fields)
-    given = wall_points = None
+    given = None
     if line is not None:
         given = points.surface_of(line, frame)
     elif settings.surface not in SURFACES:
         given = points.read_surface(Path(settings.surface), frame)
+    constants["gravity"] = frame.gravity
+    constants["attributes"] = _attributes(fields, settings) | lengths
+    constants["attributes"] |= _window(whole, settings, frame)
     if settings.walls is not None:
-        wall_points = points.read_walls(Path(settings.walls), frame)
-    attributes = _attributes(fields, settings) | lengths | _window(whole, settings, frame)
-    constants |= {"gravity": frame.gravity, "attributes": attributes, "walls": wall_points}
+        constants["walls"] = points.read_walls(Path(settings.walls), frame)
     make = scattered_flow if si.scattered else grid_flow
     flow = make(si, settings, frame, given, constants)
+    if flow.surface is None and settings.surface != "none":
+        _warn(
+            "the free surface is not known, as there is neither a mask nor a fraction field, or no "
+            "edge of the grains faces up in the field of view: train with --level V0, or give "
+            "--mask or --surface with the points of a line"
+        )
     for text in _summary(flow):
         tell(text)
     inferred = fields.facts.get("mask") == GAPS and settings.mask is None and fields.c is None
@@ -95,6 +113,95 @@ def convert(
             "give --mask or --surface if the PIV program lost vectors there"
         )
     return flow
+
+
+@checked
+def read(source: Source, **settings: Any) -> Flow:
+    """A flow from files of a PIV, PTV or simulation program, or from arrays.
+
+        flow = granpinn.read(
+            "run/PIVlab_*.txt",
+            scale="0.12 mm/px",
+            frame_rate="500 Hz",
+            grain_diameter="0.8 mm",
+            grain_density="2500 kg/m^3",
+            solid_fraction=0.6,
+        )
+
+    Args:
+        source: files, folders or patterns; or a mapping of arrays t, y, x, u, v (see
+            granpinn.importers.arrays).
+        settings: as of `python -m granpinn.convert`, with _ for - (see
+            granpinn.importers.settings).
+
+    Raises:
+        granpinn.importers.DataFileError: files or settings cannot be used; one sentence.
+    """
+    return convert(source, settings_from(settings, Settings))
+
+
+def flow(
+    data: Any = None, /, *, surface: Sequence[npt.ArrayLike] | str | None = None, **given: Any
+) -> Flow:
+    """A flow from arrays in memory, or from xarray.
+
+        flow = granpinn.flow(
+            t=t, y=y, x=x, u=u, v=v,
+            length_unit="mm", time_unit="s", velocity_unit="m/s",
+            grain_diameter="0.8 mm",
+            grain_density="2500 kg/m^3",
+            solid_fraction=0.6,
+        )
+        flow = granpinn.flow(dataset, grain_diameter="0.8 mm", ...)
+
+    The result is in SI. `dimensionless=True` takes arrays without units.
+
+    Args:
+        data: an xarray.Dataset with u and v over (t, y, x), whose `units` are read.
+        surface: t, x and y [n] of points of the free surface, in the units and axes of the arrays;
+            or the setting.
+        given: arrays t [T], y [Y], x [X], u and v [T, Y, X], or all [n] for scattered vectors, NaN
+            where there is no vector; optional ones as in granpinn.importers.arrays (c, mask,
+            sigma_u, ...); and settings, as of `granpinn convert` with _ for -, numbers with units
+            as text.
+
+    Raises:
+        DataFileError: arrays or settings cannot be used; the message is one sentence.
+    """
+    # The setting `mask` is the name of a file.
+    arrays = [n for n in given if n in ARRAYS and not isinstance(given[n], str)]
+    parts = {name: given.pop(name) for name in arrays}
+    if data is not None and (parts or not hasattr(data, "data_vars")):
+        raise DataFileError(
+            "flow takes one xarray.Dataset with u and v, or arrays by their names as "
+            f"flow(t=t, y=y, x=x, u=u, v=v, ...), got {', '.join(parts) or type(data).__name__}"
+        )
+    if isinstance(surface, str):
+        given["surface"], surface = surface, None
+    source = parts if data is None else from_dataset(data)
+    return convert(source, settings_from(given, Settings), line=surface)
+
+
+def settings_from(
+    given: Mapping[str, Any],
+    kind: type[S],
+    names: Collection[str] = SETTINGS,
+    verb: str = "convert",
+) -> S:
+    """The settings of a conversion.
+
+    Args:
+        kind: the record.
+        names: of its settings that may be given.
+        verb: the command that has them.
+
+    Raises:
+        DataFileError: a name is unknown.
+    """
+    for name in given:
+        if name not in names:
+            raise DataFileError(unknown(name, [*names, *ARRAYS], verb))
+    return kind(**given)
 
 
 def grid_flow(
@@ -111,7 +218,7 @@ def grid_flow(
         constants: other fields of Flow.
     """
     c, source = surfaces.grains_of(fields)
-    surface, wanted = line, settings.surface
+    surface = line
     if line is not None and source == "vectors":
         if folded(fields.t, fields.x, line).any():
             _warn(
@@ -119,36 +226,24 @@ def grid_flow(
                 "which cells hold grains there: give --mask"
             )
         c = np.where(surfaces.below_line(fields, line), 1.0, 0.0)
-    elif line is None and wanted == "auto" and source == "vectors":
-        _warn_of_no_surface("there is neither a mask nor a fraction field")
-    elif line is None and wanted != "none":
+    elif line is None and settings.surface != "none" and source != "vectors":
         surface = surfaces.from_fraction(c, fields.t, fields.y, fields.x, frame.gravity)
-        if surface is None:
-            _warn_of_no_surface("no edge of the grains faces up inside the field of view")
     usable = fields.usable & (c == 1)
     kept = usable.any(axis=(1, 2))
     _require_frames(int(kept.sum()), settings)
     if not kept.all():
         _warn(f"{int((~kept).sum())} of {kept.size} frames hold no valid vector and are left out")
-    constants |= _sigmas(fields, settings, frame, usable)
-    for name in ("sigma_u", "sigma_v"):
-        if isinstance(constants.get(name), np.ndarray):
-            constants[name] = constants[name][kept]
+    fields, c = fields.at(kept), c[kept]
     # The unit of a pressure is unknown, and a pressure is for scoring only.
     p = fields.p if settings.dimensionless else None
-    if p is not None and not np.isfinite(p[kept][c[kept] == 1]).all():
+    if p is not None and not np.isfinite(p[c == 1]).all():
         p = None
-    # A vector that is not measured is NaN in both components, also without grains.
-    u, v = (np.where(fields.usable, a, np.nan)[kept] for a in (fields.u, fields.v))
     return Flow(
-        t=fields.t[kept],
-        y=fields.y,
-        x=fields.x,
-        u=u,
-        v=v,
-        c=c[kept].astype(np.float32),
-        p=None if p is None else p[kept].astype(np.float32),
-        surface=_within(surface, fields.t[kept]),
+        **{name: getattr(fields, name) for name in ("t", "y", "x", "u", "v")},
+        c=c.astype(np.float32),
+        p=None if p is None else p.astype(np.float32),
+        surface=_within(surface, fields.t),
+        **_sigmas(fields, settings, frame, usable[kept]),
         **constants,
     )
 
@@ -165,28 +260,27 @@ def scattered_flow(
     if fields.c is not None:
         usable = usable & (fields.c > 1 - surfaces.FULL)
     _require_frames(np.unique(fields.t[usable]).size, settings)
-    surface, wanted = line, settings.surface
-    if surface is None and wanted == "auto" and fields.c is None:
-        t, x, y = (getattr(fields, name)[usable] for name in ("t", "x", "y"))
-        traced = surfaces.surface_of_grains(t, x, y, constants["grain_diameter"], frame.gravity)
+    fields, surface = fields.at(usable), line
+    if surface is None and settings.surface != "none" and fields.c is None:
+        place = fields.t, fields.x, fields.y
+        traced = surfaces.surface_of_grains(*place, constants["grain_diameter"], frame.gravity)
         if traced is not None:
             surface, sd = traced
             constants["attributes"] = {SURFACE_SD: sd, **constants["attributes"]}
-    if surface is None and wanted != "none":
-        _warn_of_no_surface("the grains have no edge that faces up and moves")
-    sigmas = _sigmas(fields, settings, frame, usable)
+    sigmas = _sigmas(fields, settings, frame, fields.usable)
+    if settings.sigma is not None:  # one number
+        constants, sigmas = constants | sigmas, {}
     parts = {name: getattr(fields, name) for name in ("t", "x", "y", "u", "v")}
-    parts |= {name: s for name, s in sigmas.items() if isinstance(s, np.ndarray)}
-    particles = Particles(**{name: values[usable] for name, values in parts.items()})
-    constants |= {name: s for name, s in sigmas.items() if name not in parts}
+    particles = Particles(**parts, **sigmas)
     return particle_flow(particles, surface=_within(surface, np.unique(particles.t)), **constants)
 
 
 def _require_frames(count: int, settings: Settings) -> None:
     if count < settings.fewest_frames:
         raise DataFileError(
-            f"{settings.fewest_words} must hold measured vectors among the grains, got {count}: "
-            "check the mask, the frames and the validity of the vectors, or lower --track-window"
+            "at least two frames (or one and --steady) must hold measured vectors among the "
+            f"grains, got {count}: check the mask, --frames and the validity of the vectors, or "
+            "lower --track-window"
         )
 
 
@@ -203,13 +297,13 @@ def _within(surface: Surface | None, t: Any) -> Surface | None:
             f"the free surface must be given between the times {t[0]:g} and {t[-1]:g} of the "
             f"vectors, got {surface.t.min():g} to {surface.t.max():g}: check its unit of time"
         )
-    return Surface(t=surface.t[inside], x=surface.x[inside], y=surface.y[inside])
+    return chosen(surface, inside)
 
 
 def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool) -> dict[str, Any]:
     """Standard deviations from the files, or one number from the settings."""
     if settings.sigma is not None:
-        sigma = frame.number(settings.sigma, "velocity", "--sigma")
+        sigma = frame.calibration.positive(settings.sigma, "velocity", "--sigma")
         return dict.fromkeys(("sigma_u", "sigma_v"), sigma)
     found: dict[str, Any] = {}
     for name in ("sigma_u", "sigma_v"):
@@ -228,13 +322,6 @@ def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool
         # A measured vector without a standard deviation has the largest one.
         found[name] = np.where(good, values, values[usable & good].max()).astype(np.float32)
     return found
-
-
-def _warn_of_no_surface(why: str) -> None:
-    _warn(
-        f"the free surface is not known, as {why}: train with --level V0, or give --mask or "
-        "--surface with the points of a line"
-    )
 
 
 def _warn(text: str) -> None:
@@ -256,8 +343,9 @@ def _window(fields: VectorFields, settings: Settings, frame: Frame) -> dict[str,
     """The window of --window; its pixels may be those of the header."""
     if settings.window is None:
         return {}
-    pixel = frame.pixel or calibration(fields.facts)[0]
-    window = replace(frame, pixel=pixel).number(settings.window, "length", "--window")
+    pixel = frame.calibration.pixel or stated_calibration(fields.facts)[0]
+    known = frame.calibration._replace(pixel=pixel)
+    window = known.positive(settings.window, "length", "--window")
     if not 0 < window < np.ptp(fields.x) * frame.length:
         raise DataFileError(
             f"--window must be a length below the width of the field of vectors, got "

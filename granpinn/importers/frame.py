@@ -8,9 +8,9 @@ values, their sources and what settles it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,9 +33,7 @@ class Frame:
         t0, start: the time t0 of the files is `start`, in SI.
         up: -1 where y and v of the files point down, else 1.
         gravity: (g_x, g_y) in the new axes.
-        pixel, delay, interval: meters per pixel; seconds between the images of a pair, and between
-            frames; or None.
-        dimensionless: whether there are no units.
+        calibration: what is known of pixels and frames.
         counts: whether the times of the files are numbers of frames.
     """
 
@@ -48,23 +46,18 @@ class Frame:
     start: float
     up: int
     gravity: tuple[float, float]
-    pixel: float | None = None
-    delay: float | None = None
-    interval: float | None = None
-    dimensionless: bool = False
-    counts: bool = False
+    calibration: units.Calibration
+    counts: bool
 
     def apply(self, fields: VectorFields) -> VectorFields:
         """The same vectors in SI."""
         x, y = self.place(fields.x, fields.y)
-        changes: dict[str, Any] = dict(fields.arrays())
-        factors = dict.fromkeys(("u", "sigma_u", "sigma_v"), self.velocity)
-        for name, factor in {**factors, "v": self.up * self.velocity}.items():
-            if name in changes:
-                changes[name] = changes[name] * factor
-        if self.up < 0 and not fields.scattered:
-            y = y[::-1]
-            changes = {name: values[:, ::-1] for name, values in changes.items()}
+        changes = {
+            name: self.velocity * values
+            for name in ("u", "v", "sigma_u", "sigma_v")
+            if (values := getattr(fields, name)) is not None
+        }
+        changes["v"] *= self.up
         changes |= {"t": self.times(fields.t), "x": x, "y": y}
         return replace(fields, **changes, length_unit="m", time_unit="s", velocity_unit="m/s")
 
@@ -83,14 +76,13 @@ class Frame:
             return self.times(t)
         if not units.has(unit, "frame"):
             return t * self.factor(unit, "time", what)
-        if not self.counts or self.interval is None:
+        interval = self.calibration.interval
+        if not self.counts or interval is None:
             raise DataFileError(
                 f"{what} must be a time, as the vectors have times, got numbers of frames: give "
                 "a column t"
             )
-        if unit == "frame":
-            return self.times(t)
-        return self.times(t * self.factor(unit, "time", what) / self.interval)
+        return self.times(t * self.factor(unit, "time", what) / interval)
 
     def factor(self, unit: str | None, dimension: str, what: str) -> float:
         """SI units in one unit of a column; without a unit it has that of the vectors.
@@ -99,102 +91,80 @@ class Frame:
             dimension: length, time, velocity or pressure, which has no unit of the vectors.
             what: the column, for messages.
         """
-        if not unit or (self.dimensionless and unit in ("1", "-")):
+        if not unit:
             return float(getattr(self, dimension, 1.0))
-        if self.dimensionless:
-            raise DataFileError(f"{what} must be without a unit with --dimensionless, got {unit}")
-        frame = self.interval if dimension == "time" else self.delay
-        return units.factor(unit, dimension, what, self.pixel, frame)
+        return self.calibration.factor(unit, dimension, what)
 
-    def number(self, text: str, dimension: str, flag: str) -> float:
-        """The number of a flag in SI, such as that of --sigma '0.1 px/frame'."""
-        if self.dimensionless:
-            found = units.plain(text, flag)
-        else:
-            value, unit = units.split(text, flag)
-            found = value * self.factor(unit or "1", dimension, flag)
-        return units.in_range(found, flag, text)
+
+def with_units(fields: VectorFields, settings: Settings) -> VectorFields:
+    """The vectors with the units of the settings, where they state some."""
+    length = settings.length_unit or fields.length_unit
+    time = settings.time_unit or fields.time_unit
+    velocity = settings.velocity_unit or fields.velocity_unit
+    follows = settings.length_unit and (settings.time_unit or fields.scattered) and not velocity
+    if follows or (TRACK_WINDOW in fields.facts and not settings.velocity_unit):
+        velocity = None if None in (length, time) else f"{length}/{time}"
+    return replace(fields, length_unit=length, time_unit=time, velocity_unit=velocity)
 
 
 def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
     """The settings that are missing for the units, one sentence part each."""
+    length, time, velocity = fields.length_unit, fields.time_unit, fields.velocity_unit
+    counted, rate = units.has(time, "frame"), settings.frame_rate
     if settings.dimensionless:
-        lacking = _counted(fields, settings) and settings.frame_rate is None
-        return ["--times, or --frame-rate in frames per unit of time"] if lacking else []
-    length, time, velocity = _units(fields, settings)
-    missing = [
-        f"{flag} (the files do not say the unit of {what})"
-        for flag, value, what in (
-            ("--length-unit", length, "x and y"),
-            ("--velocity-unit", velocity or fields.facts.get(TRACK_WINDOW), "u and v"),
-            ("--time-unit", time, "t"),
-        )
-        if value is None
-    ]
-    if settings.scale is None and (units.has(length, "px") or units.has(velocity, "px")):
-        missing.append("--scale, such as '0.12 mm/px' (the vectors are in pixels)")
-    if settings.frame_rate is None and units.has(time, "frame"):
-        missing.append("--frame-rate, such as '500 Hz' (the files hold no time)")
-    elif not (settings.pulse_delay or settings.frame_rate) and units.has(velocity, "frame"):
-        missing.append("--pulse-delay, such as '2 ms' (the vectors are per pair of images)")
-    unclear = units.has(length, "px") or fields.facts.get(ROWS) == MIXED
-    if settings.flip_y == "auto" and fields.y_down is None and unclear:
-        missing.append("--flip-y yes or no (the files do not say whether y points down)")
-    return missing
-
-
-def _up(fields: VectorFields, settings: Settings) -> int:
-    """-1 where y and v of the files point down, else 1."""
-    down = fields.y_down if settings.flip_y == "auto" else settings.flip_y == "yes"
-    return -1 if down else 1
+        unknown = counted and rate is None
+        return ["--times, or --frame-rate in frames per unit of time"] if unknown else []
+    pixels, frames = units.has(length, "px"), units.has(velocity, "frame")
+    unclear = settings.flip_y == "auto" and fields.y_down is None
+    unclear = unclear and (pixels or fields.facts.get(ROWS) == MIXED)
+    no_scale = settings.scale is None and (pixels or units.has(velocity, "px"))
+    no_delay = not counted and frames and not (settings.pulse_delay or rate)
+    without = "(the files do not say the unit of"
+    needed = {
+        f"--length-unit {without} x and y)": length is None,
+        f"--velocity-unit {without} u and v)": not (velocity or TRACK_WINDOW in fields.facts),
+        f"--time-unit {without} t)": time is None,
+        "--scale, such as '0.12 mm/px' (the vectors are in pixels)": no_scale,
+        "--frame-rate, such as '500 Hz' (the files hold no time)": counted and rate is None,
+        "--pulse-delay, such as '2 ms' (the vectors are per pair of images)": no_delay,
+        "--flip-y yes or no (the files do not say whether y points down)": unclear,
+    }
+    return [text for text, lacking in needed.items() if lacking]
 
 
 def frame_of(fields: VectorFields, settings: Settings) -> Frame:
-    """Calibration, origin and gravity; `missing_units` must be empty.
+    """Calibration, origin and gravity of vectors `with_units`; `missing_units` must be empty.
 
     Raises:
         DataFileError: a unit is wrong.
     """
-    up = _up(fields, settings)
-    counted = _counted(fields, settings)
-    pixel = interval = delay = None
-    g: float | None = 1.0
-    if settings.dimensionless:
-        length = time = velocity = 1.0
-        if counted:
-            rate = settings.frame_rate or ""
-            value = units.plain(rate, "--frame-rate")
-            time = interval = 1 / units.in_range(value, "--frame-rate", rate)
+    down = fields.y_down if settings.flip_y == "auto" else settings.flip_y == "yes"
+    up = -1 if down else 1
+    counted, calibration = units.has(fields.time_unit, "frame"), settings.calibration
+    length = calibration.factor(fields.length_unit or "", "length", "--length-unit")
+    time = calibration.factor(fields.time_unit or "", "time", "--time-unit")
+    if TRACK_WINDOW in fields.facts:
+        velocity, stated = length / time, settings.velocity_unit
+        if stated and not math.isclose(
+            velocity, calibration.factor(stated, "velocity", "--velocity-unit")
+        ):
+            raise DataFileError(
+                f"--velocity-unit must be the unit of x and y over that of t for tracks, got "
+                f"{stated}: leave it out"
+            )
     else:
-        if settings.scale is not None:
-            pixel = units.scale(settings.scale)
-        if settings.frame_rate is not None:
-            interval = delay = units.frame_time(settings.frame_rate, "--frame-rate")
-        if settings.pulse_delay is not None:
-            delay = units.frame_time(settings.pulse_delay, "--pulse-delay")
-        names = _units(fields, settings)
-        length = units.factor(names[0] or "", "length", "--length-unit", pixel)
-        time = units.factor(names[1] or "", "time", "--time-unit", pixel, interval)
-        velocity = units.factor(names[2] or "", "velocity", "--velocity-unit", pixel, delay)
-    if not settings.dimensionless or settings.gravity != Settings.gravity:
-        g = settings.number("gravity")
-    assert g is not None
-    angle = units.si(settings.tilt, "angle", "--tilt")
+        velocity = calibration.factor(fields.velocity_unit or "", "velocity", "--velocity-unit")
+    default = settings.dimensionless and settings.gravity == Settings.gravity
+    g = 1.0 if default else settings.number("gravity") or 0.0
+    angle = units.SI.number(settings.tilt, "angle", "--tilt")
     if not abs(angle) < math.pi / 2:
         raise DataFileError(
             f"--tilt must be an angle between -90 and 90 deg, got {settings.tilt!r}: turn the "
             "pictures by quarters first"
         )
-    if TRACK_WINDOW in fields.facts:
-        if settings.velocity_unit and not math.isclose(velocity, length / time):
-            raise DataFileError(
-                f"--velocity-unit must be the unit of x and y over that of t for tracks, got "
-                f"{settings.velocity_unit}: leave it out"
-            )
-        velocity = length / time
     t0, start = float(fields.t.min()), settings.number("start")
-    if start is None and counted and interval is not None:
-        start = 0.0 if fields.scattered else HALF * interval
+    if start is None and counted and calibration.interval is not None:
+        start = 0.0 if fields.scattered else HALF * calibration.interval
     if start is None:  # the times of the files
         t0 = start = 0.0
     return Frame(
@@ -206,29 +176,9 @@ def frame_of(fields: VectorFields, settings: Settings) -> Frame:
         start,
         up,
         gravity=(g * math.sin(angle), -g * math.cos(angle)),
-        pixel=pixel,
-        delay=delay,
-        interval=interval,
-        dimensionless=settings.dimensionless,
+        calibration=calibration,
         counts=counted,
     )
-
-
-def _counted(fields: VectorFields, settings: Settings) -> bool:
-    """Whether the times are numbers of frames."""
-    return units.has(settings.time_unit or fields.time_unit, "frame")
-
-
-def _units(fields: VectorFields, settings: Settings) -> tuple[str | None, str | None, str | None]:
-    """Units of length, time and velocity, from the settings if they have them, else the files."""
-    length = settings.length_unit or fields.length_unit
-    time = settings.time_unit or fields.time_unit
-    velocity = settings.velocity_unit or fields.velocity_unit
-    if settings.velocity_unit is None and TRACK_WINDOW in fields.facts:
-        velocity = None if None in (length, time) else f"{length}/{time}"
-    elif velocity is None and settings.length_unit and (settings.time_unit or fields.scattered):
-        velocity = None if time is None else f"{length}/{time}"
-    return length, time, velocity
 
 
 def _origin(fields: VectorFields, settings: Settings, up: int) -> tuple[float, float]:
@@ -249,22 +199,22 @@ TOLERANCE = 0.02  # relative
 NEVER_SET = 1.0  # s between two images, the default of programs
 
 
-class Statement(NamedTuple):
-    """A value, as `text` in a message, and who states it."""
+class Twice(NamedTuple):
+    """A quantity that is stated twice.
 
-    value: float
-    text: str
-    source: str
+    Attributes:
+        values: the two, in one unit.
+        said: who says what, twice.
+        settle: what the user can do if they differ.
+    """
+
+    quantity: str
+    values: tuple[float, float]
+    said: tuple[str, str]
+    settle: str
 
 
-def _require_equal(quantity: str, settle: str, first: Statement, other: Statement) -> None:
-    """Refuses statements of one quantity that differ; `settle` is what the user can do."""
-    if not math.isclose(first.value, other.value, rel_tol=TOLERANCE):
-        said = ", ".join(f"{one.source} says {one.text}" for one in (first, other))
-        raise DataFileError(f"{quantity} is stated twice: {said}: {settle}")
-
-
-def calibration(facts: Mapping[str, str]) -> tuple[float | None, float | None]:
+def stated_calibration(facts: Mapping[str, str]) -> tuple[float | None, float | None]:
     """Meters per pixel and seconds between the images of a pair, None where a file states none.
 
     PIVlab writes the factors 1 and 1 for vectors that are not calibrated.
@@ -289,69 +239,58 @@ def require_agreement(fields: VectorFields, settings: Settings, frame: Frame) ->
     Raises:
         DataFileError: a quantity is stated twice.
     """
-    if settings.dimensionless:
-        return
-    pixel, delay = calibration(fields.facts)
-    if pixel is not None and settings.scale is not None and frame.pixel is not None:
-        _require_equal(
+    for twice in () if settings.dimensionless else _stated_twice(fields, settings, frame):
+        if not math.isclose(*twice.values, rel_tol=TOLERANCE):
+            raise DataFileError(
+                f"{twice.quantity} is stated twice: {', '.join(twice.said)}: {twice.settle}"
+            )
+
+
+def _stated_twice(fields: VectorFields, settings: Settings, frame: Frame) -> Iterator[Twice]:
+    pixel, delay = stated_calibration(fields.facts)
+    known = frame.calibration
+    if pixel is not None and known.pixel is not None:
+        yield Twice(
             "the size of a pixel",
+            (pixel, known.pixel),
+            (f"the header says {units.shown(pixel, 'm/px')}", f"--scale says {settings.scale}"),
             "leave --scale out if the header is right, else export the vectors in pixels",
-            Statement(pixel, units.shown(pixel, "m/px"), "the header"),
-            Statement(frame.pixel, settings.scale, "--scale"),
         )
-    if delay is not None and frame.delay is not None:
-        _delay(fields, settings, frame.delay, delay)
-    _interval(fields, settings, frame)
-    _require_same_units(fields, settings)
-
-
-def _delay(fields: VectorFields, settings: Settings, given: float, stated: float) -> None:
-    """The time between the images of a pair, `given` by a flag and `stated` by the header."""
-    never = stated == NEVER_SET
-    if never and units.has(settings.velocity_unit or fields.velocity_unit, "frame"):
-        return
-    flag = "--frame-rate" if settings.pulse_delay is None else "--pulse-delay"
-    shown = units.shown(stated, "s")
-    _require_equal(
-        "the time between the two images of a pair",
-        f'give --pulse-delay "{shown}" for double frames if the header is right, '
-        + "--velocity-unit m/frame if its time was never set, " * never
-        + "or export the vectors in pixels if it is wrong",
-        Statement(stated, shown + " (exactly 1, so probably never set)" * never, "the header"),
-        Statement(given, units.shown(given, "s"), f"{flag} (you)"),
-    )
-
-
-def _interval(fields: VectorFields, settings: Settings, frame: Frame) -> None:
-    unit = settings.time_unit or fields.time_unit
-    times = np.unique(fields.t)
-    interval = frame.interval
-    if interval is None or frame.counts or times.size < 2:
-        return
-    steps = np.diff(times) * frame.time  # the shortest one is that of a film without lost frames
-    step = min(float(np.median(steps)), float(steps.min()), key=lambda s: abs(s - interval))
-    source = "--times" if settings.times else "the file"
-    _require_equal(
-        "the time between two frames",
-        "leave --frame-rate out if these times are right, or give --pulse-delay "
-        f"'{units.shown(interval, 's')}' in its place if the images of a pair are so far apart; "
-        f"else give --time-unit frame to count the frames, or another one if it is not {unit}",
-        Statement(step, units.shown(step, "s"), source),
-        Statement(interval, units.shown(interval, "s"), "--frame-rate"),
-    )
-
-
-def _require_same_units(fields: VectorFields, settings: Settings) -> None:
+    per_frame = units.has(settings.velocity_unit or fields.velocity_unit, "frame")
+    if delay is not None and known.delay is not None and not (delay == NEVER_SET and per_frame):
+        flag = "--frame-rate" if settings.pulse_delay is None else "--pulse-delay"
+        text = units.shown(delay, "s")
+        yield Twice(
+            "the time between the two images of a pair",
+            (delay, known.delay),
+            (f"the header says {text}", f"{flag} (you) says {units.shown(known.delay, 's')}"),
+            f'give --pulse-delay "{text}" for double frames if the header is right, '
+            "--velocity-unit m/frame if its time was never set, which programs write as 1 s, or "
+            "export the vectors in pixels if it is wrong",
+        )
+    times, interval = np.unique(fields.t), known.interval
+    if interval is not None and not frame.counts and times.size > 1:
+        # The shortest step is that of a film without lost frames.
+        steps = np.diff(times) * frame.time
+        step = min(float(np.median(steps)), float(steps.min()), key=lambda s: abs(s - interval))
+        source, text = "--times" if settings.times else "the file", units.shown(interval, "s")
+        yield Twice(
+            "the time between two frames",
+            (step, interval),
+            (f"{source} says {units.shown(step, 's')}", f"--frame-rate says {text}"),
+            f"leave --frame-rate out if these times are right, or give --pulse-delay '{text}' in "
+            "its place if the images of a pair are so far apart; else give --time-unit frame to "
+            "count the frames, or the true unit of the times",
+        )
     for name in ("length_unit", "time_unit", "velocity_unit"):
         stated, given = getattr(fields, name), getattr(settings, name)
-        if TRACK_WINDOW in fields.facts and name == "velocity_unit":
-            continue  # it follows from the others
-        if stated and given and units.same_dimension(stated, given):
+        follows = name == "velocity_unit" and TRACK_WINDOW in fields.facts
+        if stated and given and not follows and units.same_dimension(stated, given):
             flag = f"--{name.replace('_', '-')}"
-            _require_equal(
+            yield Twice(
                 f"the {name.replace('_', ' ')}",
+                (1.0, units.ratio(given, stated, flag)),
+                (f"the file says {stated}", f"{flag} says {given}"),
                 f"leave {flag} out (the flow file has SI units, whatever the files have), or "
                 "export the file again if it is wrong",
-                Statement(1.0, stated, "the file"),
-                Statement(units.ratio(given, stated, flag), given, flag),
             )

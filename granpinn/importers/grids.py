@@ -7,8 +7,9 @@ coordinates, in any order.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,9 @@ from granpinn.importers.columns import (
     header,
     layout_of,
     lines_of,
-    read_headed,
     read_table,
     require_finite,
+    roles_in,
     text_lines,
     units_of,
 )
@@ -35,14 +36,13 @@ from granpinn.importers.vectors import (
     Validity,
     VectorFields,
     split_gaps,
-    vector_fields,
 )
 
 # Coordinates that differ by less than this part of the spacing belong to one column.
 SAME = 0.01
 # The fact of files whose rows are in no order that shows the direction of y.
 ROWS, MIXED = "rows", "mixed"
-_VECTORS = {name: (name,) for name in "xyuv"}
+_VECTORS = {name: NAMES[name] for name in "xyuv"}
 
 
 # PIVlab: the "ASCII chart".
@@ -62,9 +62,9 @@ PIVLAB_TYPES = {
     2: Validity.INTERPOLATED,
     3: Validity.VALID,
 }
+PIVLAB_CODES = {"vector type": PIVLAB_TYPES}
 _FRAME = re.compile(r"FRAME:\s*+(\d++)")
 _FACTOR = re.compile(r"conversion factor (xy|uv) \((?:px -> m|px/frame -> m/s)\):\s*+([-+.\deE]++)")
-_NUMBER_FIRST = re.compile(r"\s*+[-+]?(?:\d|\.\d|nan|inf)", re.IGNORECASE)
 
 
 def is_pivlab(path: Path, head: bytes) -> bool:
@@ -74,71 +74,68 @@ def is_pivlab(path: Path, head: bytes) -> bool:
     return first.startswith(PIVLAB) or ({*"xyuv"} <= named.keys() and named["x"] in ("px", "m"))
 
 
-def read_pivlab(path: Path) -> VectorFields:
-    """One frame of PIVlab."""
-    lines = text_lines(path)
-    start = next((i for i, line in enumerate(lines) if _NUMBER_FIRST.match(line)), len(lines))
-    above = [line.lstrip("# ") for line in lines[:start] if line.strip()]
-    head = "\n".join(above)
-    names = [line for line in above if not line.startswith(PIVLAB)]
-    if len(names) != 1:
-        found = f"{names[1][:40]!r} as another" if names else "none"
-        raise DataFileError(
-            f"{path} must have one line with the names of its columns, got {found}: export the "
-            "vectors again, as an ASCII chart with column headers"
-        )
-    roles = _VECTORS | {"type": ("vector type",)}
-    table = read_table(path, roles, header(names[0]), "xyuv", start)
-    types = table.columns.pop("type", None)
-    frame = _FRAME.search(head)
-    return grid_frame(
-        path,
-        table,
-        None if types is None else codes_of(path, "vector types", types, PIVLAB_TYPES),
-        t=whole(frame[1], f"{path}: FRAME") - 1 if frame else 0,
-        facts={f"cal{kind}": factor for kind, factor in _FACTOR.findall(head)},
-    )
-
-
 # OpenPIV: `openpiv.tools.save` since version 0.25. Masked vectors are written as 0.0, so only the
 # two last columns matter. The files do not state their units, which are pixels per unit of `dt` or
 # the result of `scaling.uniform`. Rows run from the top of the image.
-_OPENPIV = {name: (name,) for name in ("x", "y", "u", "v", "flags", "mask")}
-_MASK = {0: Validity.VALID, 1: Validity.MASKED}
-_FLAGS = {0: Validity.VALID, 1: Validity.INVALID, 2: Validity.INTERPOLATED}
+OPENPIV_CODES = {
+    "flags": {0: Validity.VALID, 1: Validity.INVALID, 2: Validity.INTERPOLATED},
+    "mask": {0: Validity.VALID, 1: Validity.MASKED},
+}
 
 
 def is_openpiv(path: Path, head: bytes) -> bool:
     """The names of the columns behind a #."""
     first = lines_of(head)[0]
-    return first.startswith("#") and {column.name for column in header(first)} == {*_OPENPIV}
-
-
-def read_openpiv(path: Path) -> VectorFields:
-    """One frame of OpenPIV."""
-    table = read_table(path, _OPENPIV, header(text_lines(path)[0]), _OPENPIV)
-    codes = codes_of(path, "flags", table.columns.pop("flags"), _FLAGS)
-    outside = codes_of(path, "mask", table.columns.pop("mask"), _MASK) == Validity.MASKED
-    return grid_frame(path, table, np.where(outside, np.int8(Validity.MASKED), codes))
+    names = {column.name for column in header(first)}
+    return first.startswith("#") and names == {*"xyuv", *OPENPIV_CODES}
 
 
 # Any other program: a table that names x, y, u and v as columns.py knows them, units in brackets. y
 # points up where lengths have a unit other than px; elsewhere --flip-y says so.
-_TABLE = {name: NAMES[name] for name in "xyuv"}
-
-
 def is_table(path: Path, head: bytes) -> bool:
     """Names of x, y, u and v above numbers."""
-    names = {column.name for column in layout_of(lines_of(head), _TABLE, "xyuv").named}
-    return all(names.intersection(spellings) for spellings in _TABLE.values())
+    return {*"xyuv"} <= roles_in(lines_of(head), _VECTORS, "xyuv")
 
 
-def read_any(path: Path) -> VectorFields:
-    """One frame of a table."""
-    found = grid_frame(path, read_headed(path, "xyuv", _TABLE), y_down=False)
-    if found.length_unit not in (None, "px"):
+def read_rows(
+    path: Path,
+    codes: Mapping[str, Mapping[int, Validity]] | None = None,
+    required: Iterable[str] = (),
+) -> VectorFields:
+    """One frame of a table with the names of its columns, of PIVlab, OpenPIV or any other program.
+
+    Args:
+        codes: of the program, by columns that a file may have: what their numbers say of a vector,
+            the last column first. None: any other program.
+        required: columns with codes that may not be missing.
+    """
+    lines = text_lines(path)
+    roles = _VECTORS | {name: (name,) for name in codes or ()}
+    named, skip = layout_of(lines, roles, "xyuv")
+    table = read_table(path, roles, named, [*"xyuv", *required], skip)
+    validity = None
+    for name, known in (codes or {}).items():
+        if name in table.columns:
+            kinds = codes_of(path, name, table.columns.pop(name), known)
+            before = kinds if validity is None else validity
+            validity = np.where(kinds == Validity.VALID, before, kinds)
+    head = "\n".join(lines[:skip])
+    frame = _FRAME.search(head)
+    found = grid_frame(
+        path,
+        table,
+        validity,
+        t=whole(frame[1], f"{path}: FRAME") - 1 if frame else 0,
+        y_down=None if codes else False,
+        facts={f"cal{kind}": factor for kind, factor in _FACTOR.findall(head)},
+    )
+    if codes or found.length_unit not in (None, "px"):
         return found
     return replace(found, y_down=None, facts=found.facts | {ROWS: MIXED})
+
+
+read_pivlab = partial(read_rows, codes=PIVLAB_CODES)
+read_openpiv = partial(read_rows, codes=OPENPIV_CODES, required=OPENPIV_CODES)
 
 
 # DaVis 8: `#DaVis 8.1.6 2D-vector 32 64 64 "position" "mm" "position" "mm" "velocity" "m/s"`, then
@@ -161,12 +158,14 @@ def read_davis(path: Path) -> VectorFields:
             "vectors from DaVis as text"
         )
     quoted = head[3].split('"')[1::2]
-    stated = [*zip(quoted[::2], quoted[1::2], strict=False)]
-    lengths = [unit for name, unit in stated if name == "position"]
-    velocities = [unit for name, unit in stated if name in ("velocity", "displacement")]
-    pixels = any(unit in ("pixel", "px") for unit in velocities)
-    velocities = ["px/frame" if unit in ("pixel", "px") else unit for unit in velocities]
-    named = [*map(Column, "xyuv", (*_both(path, lengths), *_both(path, velocities)))]
+    units: dict[str, list[str]] = {"position": [], "velocity": []}
+    for name, unit in zip(quoted[::2], quoted[1::2], strict=False):
+        kind = name.replace("displacement", "velocity")
+        pixels = kind == "velocity" and unit in ("pixel", "px")
+        units.setdefault(kind, []).append("px/frame" if pixels else unit)
+    # One unit holds for both components.
+    both = [(units[kind] or [""])[k] for kind in ("position", "velocity") for k in (0, -1)]
+    named = [*map(Column, "xyuv", both)]
     table = read_table(path, _VECTORS, named, "xyuv")
     expected = whole(head[1], f"{path}: columns") * whole(head[2], f"{path}: rows")
     if (count := table.columns["x"].size) != expected:
@@ -178,14 +177,7 @@ def read_davis(path: Path) -> VectorFields:
     for name in "uv":
         table.columns[name] = np.where(none, np.nan, table.columns[name])
     # Of displacements in pixels, the order of the rows shows the direction of y.
-    return grid_frame(path, table, y_down=None if pixels else False)
-
-
-def _both(path: Path, stated: list[str]) -> tuple[str, str]:
-    """The units of two components; one unit holds for both."""
-    if len(stated) > 2:
-        raise DataFileError(f"{path} must state two units of a kind at most, got {len(stated)}")
-    return (stated[0], stated[-1]) if stated else ("", "")
+    return grid_frame(path, table, y_down=None if "px/frame" in both else False)
 
 
 # Basilisk: `output_field` with a header `# 1:x 2:y 3:f 4:p 5:u.x 6:u.y`. Values outside the domain
@@ -248,27 +240,11 @@ def grid_frame(
         y_down: None: the order of the rows shows it.
         facts: for the record.
     """
-    columns = dict(table.columns)
-    if validity is not None:
-        columns["validity"] = np.asarray(validity, np.int8)
-    grids, found = _to_grid(path, columns), dict(facts or {})
-    if validity is None:
-        grids["validity"] = split_gaps(np.isfinite(grids["u"]) & np.isfinite(grids["v"]))
-        found["mask"] = GAPS
-    if y_down is None and (y_down := _y_points_down(columns)) is None:
-        found[ROWS] = MIXED
-    units = units_of(path, table.units) | {"time_unit": "frame"}
-    return vector_fields(t=[t], **grids, **units, y_down=y_down, facts=found)
-
-
-def _to_grid(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:
-    """Axes, and arrays [1, Y, X] of one frame, from lists [n]."""
-    axes, places = {}, {}
-    for name in ("x", "y"):
-        require_finite(path, {name: columns[name]})
-        axes[name], places[name] = _axis(columns[name])
-    shape = (axes["y"].size, axes["x"].size)
-    place = np.ravel_multi_index((places["y"], places["x"]), shape)
+    columns, found = dict(table.columns), dict(facts or {})
+    require_finite(path, {name: columns[name] for name in "xy"})
+    (x, column), (y, row) = _axis(columns.pop("x")), _axis(columns.pop("y"))
+    shape = (y.size, x.size)
+    place = np.ravel_multi_index((row, column), shape)
     n_rows, n_places = place.size, np.unique(place).size
     if n_places < n_rows:
         raise DataFileError(
@@ -281,9 +257,19 @@ def _to_grid(path: Path, columns: Mapping[str, Any]) -> dict[str, Any]:
             f"{shape[1]} different y and x: the file was cut off or mixes grids; if these are "
             "scattered vectors use --format tracks"
         )
+    if y_down is None and (y_down := _y_points_down(row, column)) is None:
+        found[ROWS] = MIXED
     order = np.argsort(place)
-    grids = {n: a[order].reshape(1, *shape) for n, a in columns.items() if n not in axes}
-    return axes | grids
+    grids: dict[str, Any] = {n: a[order].reshape(1, *shape) for n, a in columns.items()}
+    if validity is None:
+        found["mask"] = GAPS
+        codes = split_gaps(np.isfinite(grids["u"]) & np.isfinite(grids["v"]))
+    else:
+        codes = np.asarray(validity)[order].reshape(1, *shape)
+    units = units_of(path, table.units) | {"time_unit": "frame"}
+    return VectorFields(
+        t=[t], y=y, x=x, **grids, validity=codes, **units, y_down=y_down, facts=found
+    )
 
 
 def _axis(values: Float64) -> tuple[Float64, Any]:
@@ -300,22 +286,22 @@ def _axis(values: Float64) -> tuple[Float64, Any]:
     return axis, index
 
 
-def _y_points_down(columns: Mapping[str, Any]) -> bool | None:
+def _y_points_down(row: Any, column: Any) -> bool | None:
     """Whether y grows along a file that begins at the top of the image.
 
     The order of the rows shows it if x grows along the file and y runs the same way in every
     column. None: rows in another order, such as sorted ones, do not show it.
 
     Args:
-        columns: x and y of a full grid [n], in the order of the file.
+        row, column: of the grid, for every line of the file [n].
     """
-    (x, column), (y, row) = _axis(columns["x"]), _axis(columns["y"])
-    by_rows = row.reshape(y.size, x.size), column.reshape(y.size, x.size)
-    by_columns = row.reshape(x.size, y.size).T, column.reshape(x.size, y.size).T
+    Y, X = int(row.max()) + 1, int(column.max()) + 1
+    by_rows = row.reshape(Y, X), column.reshape(Y, X)
+    by_columns = row.reshape(X, Y).T, column.reshape(X, Y).T
     for rows, places in (by_rows, by_columns):
         step = int(rows[1, 0]) - int(rows[0, 0])
-        if step not in (1, -1) or (places != np.arange(x.size)).any():
+        if step not in (1, -1) or (places != np.arange(X)).any():
             continue
-        if (rows == np.arange(y.size)[::step, None]).all():
+        if (rows == np.arange(Y)[::step, None]).all():
             return step > 0
     return None

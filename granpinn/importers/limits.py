@@ -7,9 +7,8 @@ of small types: a compressed file of a few megabytes can declare many gigabytes.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from granpinn.data.large import available
 from granpinn.foreign import read_foreign
@@ -50,36 +49,21 @@ def require_room(values: int, bytes_per_value: float, path: Path | str) -> None:
         )
 
 
-def open_file(path: Path, max_bytes: int) -> BinaryIO:
-    """Opens a regular file with data for reading.
-
-    Raises:
-        DataFileError: it cannot be opened, is no regular file, is empty, or too large.
-    """
-    try:
-        return open_regular_file(path, max_bytes, "split it into one file per frame")
-    except UnsafeFileError as error:
-        raise DataFileError(f"{path}: {error}") from None
-
-
-def file_bytes(path: Path, max_bytes: int = MAX_BYTES) -> int:
-    """Size of one regular file, which may not be empty."""
-    with open_regular_file(path, max_bytes, "split it into one file per frame") as stream:
-        return os.fstat(stream.fileno()).st_size
-
-
 def read_file(
-    reader: str, path: Path, size: Callable[[Path], int] = file_bytes, **request: Any
+    reader: str, path: Path, most: int = MAX_BYTES, counted: int | None = None, **request: Any
 ) -> Any:
     """What a reader of `granpinn.foreign` gives for a file.
 
     Args:
-        size: checks the file, and gives its bytes.
+        most: bytes of the file.
+        counted: bytes that limit time and memory in place of those of the file.
 
     Raises:
         DataFileError: it is no regular file with data, or the reader refuses it.
     """
     try:
-        return read_foreign(reader, path, size(path), **request)
+        with open_regular_file(path, most, "split it into one file per frame") as stream:
+            size = os.fstat(stream.fileno()).st_size
+        return read_foreign(reader, path, counted or size, **request)
     except UnsafeFileError as error:
         raise DataFileError(f"{path}: {error}") from None

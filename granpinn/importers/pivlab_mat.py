@@ -15,23 +15,22 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.importers.grids import PIVLAB_TYPES
+from granpinn.importers.grids import PIVLAB_TYPES, codes_of
 from granpinn.importers.limits import read_file
 from granpinn.importers.vectors import (
     CALIBRATION,
     GAPS,
     DataFileError,
-    Validity,
     VectorFields,
     split_gaps,
-    vector_fields,
 )
 
 Matlab = dict[str, Any]  # variables, as granpinn.foreign.matlab gives them
+VECTORS = ("u", "v", "typevector")
+KINDS = ("_filtered", "_original", "")  # the first that a frame has
 NAMES = (
-    *("x", "y", "u", "v", "typevector", "calxy", "caluv", "calu", "calv", "units"),
-    *(f"{n}_{kind}" for n in ("u", "v", "typevector") for kind in ("original", "filtered")),
-    "displacement_only",
+    *("x", "y", "calxy", "caluv", "calu", "calv", "units", "displacement_only"),
+    *(f"{name}{kind}" for kind in KINDS for name in VECTORS),
 )
 
 
@@ -45,15 +44,46 @@ def sniff(path: Path, head: bytes) -> bool:
 def read(path: Path) -> VectorFields:
     """All frames of a file; see the module for the layouts."""
     file = read_file("matlab", path, names=NAMES)
-    if "u_original" in file or "u_filtered" in file:
-        return _all_frames(path, file)
-    if all(name in file for name in ("x", "y", "u", "v")):
-        frame = [file[name] for name in ("x", "y", "u", "v")]
-        types = _cells(file, "typevector") or [None]
-        return _fields(path, file, [(*frame, *types)], _units(path, file))
-    raise DataFileError(
-        f"{path} must hold x, y and u, v or u_original, as PIVlab saves them, got "
-        "none of these: export the vectors from PIVlab as a MATLAB file"
+    frames = _frames(path, file)
+    x, y, *_, types = frames[0]
+    for k, frame in enumerate(frames):
+        alike = all(
+            isinstance(part, np.ndarray) and part.ndim == 2 and part.shape == np.shape(x)
+            for part in frame[: 5 if types is not None else 4]
+        )
+        grid = alike and np.array_equal(frame[0], x) and np.array_equal(frame[1], y)
+        if not grid or (frame[4] is None) != (types is None):
+            raise DataFileError(
+                f"{path} must have matrices x, y, u, v of one size, one grid, and vector types in "
+                f"all frames or in none, got something else in frame {k + 1}: export it again"
+            )
+    for name, values, axis in (("x", x, 0), ("y", y, 1)):
+        if not (np.ptp(values, axis=axis) <= 1e-6 * np.ptp(values)).all():
+            raise DataFileError(
+                f"{path} must have one {name} in every {('column', 'row')[axis]}, got several: "
+                "rotate nothing"
+            )
+    u, v = (np.stack([frame[i] for frame in frames]) for i in (2, 3))
+    facts = {name: f"{_number(path, file, name, 0):g}" for name in CALIBRATION if name in file}
+    if types is None:
+        facts["mask"] = GAPS
+        codes = split_gaps(np.isfinite(u) & np.isfinite(v))
+    else:
+        types = np.stack([frame[4] for frame in frames])
+        codes = codes_of(path, "vector type", types, PIVLAB_TYPES)
+    length, velocity = _units(path, file)
+    return VectorFields(
+        t=np.arange(len(frames)),
+        y=y[:, 0],
+        x=x[0],
+        u=u,
+        v=v,
+        validity=codes,
+        length_unit=length,
+        time_unit="frame",
+        velocity_unit=velocity,
+        y_down=bool(y[-1, 0] > y[0, 0]),
+        facts=facts,
     )
 
 
@@ -72,26 +102,25 @@ def _number(path: Path, file: Matlab, name: str, default: float) -> float:
     return default if value is None else float(value.item())
 
 
-def _all_frames(path: Path, file: Matlab) -> VectorFields:
-    cells = {
-        kind: [_cells(file, f"{name}_{kind}") for name in ("u", "v", "typevector")]
-        for kind in ("filtered", "original")
-    }
+def _frames(path: Path, file: Matlab) -> list[tuple[Any, ...]]:
+    """x, y, u, v and the types, or None, of every analyzed frame."""
+    cells = [[_cells(file, name + kind) for name in VECTORS] for kind in KINDS]
     x, y = _cells(file, "x"), _cells(file, "y")
-    if not x or len(x) != len(y):
-        raise DataFileError(f"{path} must hold cells x and y for every frame: export it again")
+    if len(x) != len(y) or not any(columns[0] for columns in cells):
+        raise DataFileError(
+            f"{path} must hold x and y of every frame and u, v or u_original, as PIVlab saves "
+            "them: export the vectors from PIVlab as a MATLAB file"
+        )
     frames = []
     for k in range(len(x)):
-        for kind in ("filtered", "original"):
-            parts = [column[k] if k < len(column) else None for column in cells[kind]]
-            if _is_field(parts[0]):
+        for columns in cells:
+            parts = [column[k] if k < len(column) else None for column in columns]
+            if isinstance(parts[0], np.ndarray) and parts[0].size > 1:
                 frames.append((x[k], y[k], *parts))
                 break
-    return _fields(path, file, frames, _units(path, file))
-
-
-def _is_field(part: Any) -> bool:
-    return isinstance(part, np.ndarray) and part.size > 1
+    if not frames:
+        raise DataFileError(f"{path} holds no analyzed frame: analyze the images in PIVlab first")
+    return frames
 
 
 def _units(path: Path, file: Matlab) -> tuple[str, str]:
@@ -103,56 +132,3 @@ def _units(path: Path, file: Matlab) -> tuple[str, str]:
     displacement = _number(path, file, "displacement_only", 0.0) == 1
     per_frame = displacement or "m/frame" in str(file.get("units"))
     return "m", "m/frame" if per_frame else "m/s"
-
-
-def _fields(
-    path: Path,
-    file: Matlab,
-    frames: list[tuple[Any, ...]],
-    units: tuple[str, str],
-) -> VectorFields:
-    if not frames:
-        raise DataFileError(f"{path} holds no analyzed frame: analyze the images in PIVlab first")
-    x, y = frames[0][:2]
-    for k, frame in enumerate(frames):
-        matrices = frame if frame[4] is not None else frame[:4]
-        alike = all(
-            isinstance(part, np.ndarray) and part.ndim == 2 and part.shape == np.shape(x)
-            for part in matrices
-        )
-        grid = alike and np.array_equal(frame[0], x) and np.array_equal(frame[1], y)
-        if not grid or (frame[4] is None) != (frames[0][4] is None):
-            raise DataFileError(
-                f"{path} must have matrices x, y, u, v of one size, one grid, and vector types in "
-                f"all frames or in none, got something else in frame {k + 1}: export it again"
-            )
-    for name, values, axis in (("x", x, 0), ("y", y, 1)):
-        if not (np.ptp(values, axis=axis) <= 1e-6 * np.ptp(values)).all():
-            raise DataFileError(
-                f"{path} must have one {name} in every {('column', 'row')[axis]}, got several: "
-                "rotate nothing"
-            )
-    u, v = (np.stack([frame[i] for frame in frames]) for i in (2, 3))
-    if frames[0][4] is None:
-        facts = {"mask": GAPS}
-        codes = split_gaps(np.isfinite(u) & np.isfinite(v))
-    else:
-        facts = {}
-        types = np.stack([frame[4] for frame in frames])
-        codes = np.full(u.shape, Validity.INVALID, np.int8)
-        for kind, code in PIVLAB_TYPES.items():
-            codes[types == kind] = code
-    calibration = {name: _number(path, file, name, np.nan) for name in CALIBRATION}
-    return vector_fields(
-        t=np.arange(len(frames)),
-        y=y[:, 0],
-        x=x[0],
-        u=u,
-        v=v,
-        validity=codes,
-        length_unit=units[0],
-        time_unit="frame",
-        velocity_unit=units[1],
-        y_down=bool(y[-1, 0] > y[0, 0]),
-        facts={k: f"{n:g}" for k, n in calibration.items() if np.isfinite(n)} | facts,
-    )

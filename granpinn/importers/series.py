@@ -1,31 +1,31 @@
-"""The vectors of a conversion: files, one per frame, their times, and the frames to use."""
+"""The vectors of a conversion: the formats of files, their frames and times, the frames to use."""
 
 from __future__ import annotations
 
 import itertools
 import os
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.importers import units
-from granpinn.importers.arrays import from_arrays
+from granpinn.data.flow_file import is_flow_file
+from granpinn.importers import arrays, grids, pivlab_mat, tracks, units
 from granpinn.importers.columns import (
     GROUPS,
     NAMES,
     Column,
+    head_of,
     is_number,
     read_headed,
     read_table,
     require_finite,
     text_lines,
 )
-from granpinn.importers.formats import FORMATS, TRACKS, detect
 from granpinn.importers.grids import MIXED, ROWS
 from granpinn.importers.limits import require_room
 from granpinn.importers.settings import Settings
@@ -35,8 +35,60 @@ from granpinn.importers.vectors import (
     DataFileError,
     Validity,
     VectorFields,
-    vector_fields,
 )
+from granpinn.terminal import shell_word
+
+
+@dataclass(frozen=True)
+class Format:
+    """One file format.
+
+    Attributes:
+        title: for messages and --help.
+        sniff: tests the path and the first bytes of a file for this format.
+        read: reads a file as vector fields.
+    """
+
+    title: str
+    sniff: Callable[[Path, bytes], bool]
+    read: Callable[..., VectorFields]
+
+
+TRACKS = "tracks"
+# Strict tests come before weak ones.
+FORMATS = {
+    "pivlab-mat": Format("PIVlab .mat: frame or all frames", pivlab_mat.sniff, pivlab_mat.read),
+    TRACKS: Format(
+        "tracks of particles, a table: trackpy, TrackMate, TracTrac",
+        tracks.sniff,
+        tracks.read,
+    ),
+    "pivlab": Format("PIVlab text", grids.is_pivlab, grids.read_pivlab),
+    "davis": Format("LaVision DaVis text", grids.is_davis, grids.read_davis),
+    "basilisk": Format("Basilisk output_field", grids.is_basilisk, grids.read_basilisk),
+    "openpiv": Format("OpenPIV text", grids.is_openpiv, grids.read_openpiv),
+    "table": Format("a table of x, y, u, v", grids.is_table, grids.read_rows),
+    "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
+}
+
+
+def detect(path: Path) -> str:
+    """The name of the format of a file, from its content."""
+    head = head_of(path)
+    if not head:
+        raise DataFileError(f"{path} is empty, expected vectors: export it again")
+    for name, found in FORMATS.items():
+        if found.sniff(path, head):
+            return name
+    if is_flow_file(path):
+        raise DataFileError(
+            f"{path} is a flow file already: python -m granpinn.train {shell_word(path)}"
+        )
+    raise DataFileError(
+        f"{path} is of no known format: name it with --format {{{','.join(FORMATS)}}}, export the "
+        "vectors as plain arrays (.npz) or a table, or take them as arrays in Python"
+    )
+
 
 AUTO = "auto"
 MAX_PATH = 4096  # of Linux
@@ -51,7 +103,7 @@ def vectors_of(source: Source, settings: Settings) -> VectorFields:
     if isinstance(source, VectorFields):
         fields = source
     elif isinstance(source, Mapping):
-        fields = from_arrays(source)
+        fields = arrays.from_arrays(source)
     else:
         count = settings.times is not None or units.has(settings.time_unit, "frame")
         fields = read_vectors(source, settings.format, settings.track_window, count=count)
@@ -93,10 +145,7 @@ def _with_times(
             f"--times must give another time for every frame of {old.size}, got {t.size} times, "
             f"{np.unique(t).size} of them different: check them"
         )
-    new = t[np.searchsorted(old, fields.t)]
-    if fields.scattered:
-        return replace(fields, t=new, time_unit=unit)
-    return replace(_at(fields, np.argsort(new)), t=np.sort(new), time_unit=unit)
+    return replace(fields, t=t[np.searchsorted(old, fields.t)], time_unit=unit)
 
 
 def _times_in_names(files: Sequence[Path]) -> Float64:
@@ -131,21 +180,13 @@ def _times_of(path: Path) -> tuple[Float64, str | None]:
     return t[np.argsort(frame, kind="stable")], table.units.get("t")
 
 
-def _at(fields: VectorFields, kept: Any) -> VectorFields:
-    """The vectors at these places of their first axis: frames of a grid, or scattered vectors."""
-    names = ("t", *fields.arrays(), *(("y", "x") if fields.scattered else ()))
-    return replace(fields, **{name: getattr(fields, name)[kept] for name in names})
-
-
 def measured(fields: VectorFields, settings: Settings) -> VectorFields:
     """Makes interpolated vectors invalid, or measured ones if the setting says so; and zeros."""
     code = Validity.VALID if settings.keep_interpolated else Validity.INVALID
     codes = np.where(fields.validity == Validity.INTERPOLATED, np.int8(code), fields.validity)
     if settings.zeros == "missing":
         codes[(fields.u == 0) & (fields.v == 0)] = Validity.INVALID
-    gone = codes == Validity.INVALID
-    u, v = (np.where(gone, np.nan, a) for a in (fields.u, fields.v))
-    return replace(fields, validity=codes, u=u, v=v)
+    return replace(fields, validity=codes)
 
 
 def frames_of(text: str) -> slice:
@@ -166,13 +207,7 @@ def selected_frames(fields: VectorFields, settings: Settings) -> VectorFields:
     """The frames of --frames."""
     if settings.frames is None:
         return fields
-    times = np.unique(fields.t)[frames_of(settings.frames)]
-    if times.size < settings.fewest_frames:
-        raise DataFileError(
-            f"--frames must leave {settings.fewest_words}, got {times.size} of "
-            f"{np.unique(fields.t).size}"
-        )
-    return _at(fields, np.isin(fields.t, times))
+    return fields.at(np.isin(fields.t, np.unique(fields.t)[frames_of(settings.frames)]))
 
 
 def read_vectors(
@@ -206,18 +241,13 @@ def read_vectors(
                 "convert one kind of files at a time"
             )
         part = FORMATS[name].read(file, *([window] if name == TRACKS else []))
-        parts.append(_counted(part) if count else part)
+        if count and np.unique(part.t).size == 1:
+            part = replace(part, t=np.zeros_like(part.t), time_unit="frame")
+        parts.append(part)
         require_room(len(files) * part.u.size * (len(part.arrays()) - 1), 8, file)
     facts = {"format": FORMATS[name].title, "files": str(len(files))}
     joined = parts[0] if len(parts) == 1 else _joined(files, parts)
     return replace(joined, facts=joined.facts | facts)
-
-
-def _counted(part: VectorFields) -> VectorFields:
-    """The vectors of a file without their time if all have the same time."""
-    if np.unique(part.t).size > 1:
-        return part
-    return replace(part, t=np.zeros_like(part.t), time_unit="frame")
 
 
 def expand(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
@@ -270,23 +300,28 @@ def _joined(files: list[Path], parts: list[VectorFields]) -> VectorFields:
                     f"{file} must have the {what} {expected} of {files[0]}, got {found}: convert "
                     "files of one kind at a time"
                 )
-        if None not in (part.y_down, first.y_down) and part.y_down != first.y_down:
+        if {part.y_down, first.y_down} == {True, False}:
             raise DataFileError(
                 f"{file} must have the direction of y of {files[0]}, got the opposite order of "
                 "rows: export both in one way"
             )
-        if not first.scattered:
-            _check_grid(file, files[0], part, first)
-    arrays = {n: np.concatenate([part.arrays()[n] for part in parts]) for n in first.arrays()}
-    axes = {"y": first.y, "x": first.x}
-    if first.scattered:
-        axes = {name: np.concatenate([getattr(part, name) for part in parts]) for name in axes}
-    units = {name: getattr(first, name) for name in GROUPS}
+        for name in () if first.scattered else ("y", "x"):
+            a, b = getattr(part, name), getattr(first, name)
+            if a.size != b.size or not np.allclose(a, b, rtol=0, atol=_SAME_GRID * np.ptp(b)):
+                raise DataFileError(
+                    f"{file} must have the grid of {files[0]}, got {a.size} values of {name} from "
+                    f"{a[0]:g} to {a[-1]:g} instead of {b.size} from {b[0]:g} to {b[-1]:g}: "
+                    "convert files of one grid at a time"
+                )
+    names = (*first.arrays(), *(("y", "x") if first.scattered else ()))
+    together: dict[str, Any] = {
+        n: np.concatenate([getattr(part, n) for part in parts]) for n in names
+    }
     # One file whose rows show no direction of y leaves it open for all.
     oriented = next((part for part in parts if part.y_down is None), first)
     facts = first.facts | {ROWS: MIXED} if oriented.facts.get(ROWS) == MIXED else first.facts
     t = np.concatenate(_times(parts))
-    return vector_fields(t=t, **axes, **arrays, **units, y_down=oriented.y_down, facts=facts)
+    return replace(first, t=t, **together, y_down=oriented.y_down, facts=facts)
 
 
 def _common(fields: VectorFields) -> dict[str, Any]:
@@ -306,26 +341,11 @@ def _times(parts: list[VectorFields]) -> list[Any]:
     counted = all(part.time_unit == "frame" and not part.t.any() for part in parts)
     if ascending or (parts[0].scattered and not counted):
         return times
-    if parts[0].time_unit != "frame":
+    if parts[0].time_unit != "frame" or any(t.min() != 0 for t in times):
         raise DataFileError(
             f"the files must have times that increase with their names, got {times[0][0]:g} and "
-            f"{times[1][0]:g} in the first two: give --times, or --time-unit frame to count them"
-        )
-    if not all(t.min() == 0 for t in times):
-        raise DataFileError(
-            "the files must have frame numbers that increase with their names, got others: rename "
-            "the files, or convert them apart"
+            f"{times[1][0]:g} in the first two: rename them, give --times, or --time-unit frame to "
+            "count them"
         )
     starts = np.cumsum([0, *(np.ptp(t) + 1 for t in times)])
     return [t + start for t, start in zip(times, starts, strict=False)]
-
-
-def _check_grid(file: Path, other: Path, part: VectorFields, first: VectorFields) -> None:
-    for name in ("y", "x"):
-        a, b = getattr(part, name), getattr(first, name)
-        if a.size != b.size or not np.allclose(a, b, rtol=0, atol=_SAME_GRID * np.ptp(b)):
-            raise DataFileError(
-                f"{file} must have the grid of {other}, got {a.size} values of {name} from "
-                f"{a[0]:g} to {a[-1]:g} instead of {b.size} from {b[0]:g} to {b[-1]:g}: convert "
-                "files of one grid at a time"
-            )

@@ -1,7 +1,8 @@
 """The grains and their free surface.
 
 **Grains.** The source of the volume fraction is a fraction field, else a mask, else the cells with
-vectors. The surface follows from it, or from the density of tracked grains.
+vectors. A mask may be an image, black where there are no grains. The surface follows from the
+volume fraction, or from the density of tracked grains.
 
 **Fraction.** Between the centers of two neighboring cells, one in the grains and one outside, the
 surface lies where c = 1/2 by linear interpolation; for a mask, half way. Some edges of a mask are
@@ -19,14 +20,26 @@ distances. The offset is known to h / 2.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import binary_erosion, binary_fill_holes, gaussian_filter, label
 
-from granpinn.arrays import Bool, Float64
+from granpinn.arrays import Bool, Float64, nearest
 from granpinn.data.flow import Surface
-from granpinn.importers.vectors import Validity, VectorFields, grains_around
+from granpinn.data.surface import line_heights
+from granpinn.importers import units
+from granpinn.importers.limits import require_room
+from granpinn.importers.series import expand
+from granpinn.importers.vectors import DataFileError, Validity, VectorFields, grains_around
+from granpinn.regular import open_regular_file
 
+MAX_IMAGE = 2**30  # bytes
+MAX_PIXELS = 2**27
+IMAGES = ("PNG", "TIFF", "BMP", "JPEG", "GIF", "PPM", "WEBP")
+BRIGHT = 0.5  # of the brightest
 HALF = 0.5
 _UPWARDS = 0.5  # cosine of the angle to the vertical
 FULL = 1e-6  # solvers fill cells up to rounding
@@ -96,16 +109,82 @@ def grains_of(fields: VectorFields) -> tuple[Float64, str]:
     return c, "vectors"
 
 
+def with_mask(fields: VectorFields, pattern: str) -> VectorFields:
+    """Masks the vectors where an image is black; one image for all frames or one for each.
+
+    Black (below half of the brightest) means no grains. The coordinates of the vectors must be
+    pixels, and y as in the image.
+    """
+    if fields.scattered:
+        raise DataFileError("--mask is for vectors on a grid, got scattered ones: leave it out")
+    if not units.has(fields.length_unit, "px"):
+        raise DataFileError(
+            "--mask needs vectors in pixels to find them in the image, got "
+            f"{fields.length_unit or 'no unit'}: export them without calibration, give "
+            "--length-unit px if they are in pixels, or use the mask of the PIV program"
+        )
+    files = expand([pattern])
+    n_frames = fields.t.size
+    if len(files) not in (1, n_frames):
+        raise DataFileError(
+            f"--mask must be one image or one for each of the {n_frames} frames, got {len(files)}"
+        )
+    masks = [_at_vectors(file, _picture(file), fields) for file in files]
+    outside = ~np.broadcast_to(np.stack(masks), fields.u.shape)
+    codes = np.where(outside, np.int8(Validity.MASKED), fields.validity)
+    return replace(fields, validity=codes)
+
+
+def _picture(file: Path) -> Any:
+    """The grey levels of an image of moderate size, in one of the formats of cameras and masks."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with (
+            open_regular_file(file, MAX_IMAGE) as stream,
+            Image.open(stream, formats=IMAGES) as image,
+        ):
+            require_room(image.width * image.height, 1, file)
+            if image.width * image.height > MAX_PIXELS:
+                raise ValueError(f"{image.width} x {image.height} pixels are too many")
+            if (count := getattr(image, "n_frames", 1)) > 1:
+                raise ValueError(f"it holds {count} images, save each in a file")
+            clear = image.has_transparency_data
+            if clear and np.asarray(image.convert("RGBA"))[..., 3].min() < 255:
+                raise ValueError("it is partly transparent, save it without transparency")
+            # To 8 bits, convert cuts off what lies above 255.
+            deep = image.mode in ("I", "F") or image.mode.startswith("I;16")
+            return np.asarray(image if deep else image.convert("L"))
+    except DataFileError:
+        raise
+    except Exception as error:  # of any kind, for damaged files
+        reason = str(error)
+        if isinstance(error, UnidentifiedImageError):  # its message names the stream
+            reason = f"it is damaged, or none of {', '.join(IMAGES)}"
+        raise DataFileError(f"{file} cannot be read as an image: {reason}") from None
+
+
+def _at_vectors(file: Path, picture: Any, fields: VectorFields) -> Bool:
+    found = []
+    axes = {"y": (np.rint(fields.y), picture.shape[0]), "x": (np.rint(fields.x), picture.shape[1])}
+    for name, (places, size) in axes.items():
+        index = size - 1 - places if name == "y" and fields.y_down is False else places
+        if index.min() < 0 or index.max() > size:
+            raise DataFileError(
+                f"{file} must cover the vectors, got {size} pixels along {name} and vectors at "
+                f"{index.min():g} to {index.max():g}: use the mask of the same camera"
+            )
+        found.append(np.minimum(index.astype(int), size - 1))
+    rows, columns = found
+    bright = picture > BRIGHT * picture.max()
+    return np.asarray(bright[np.ix_(rows, columns)])
+
+
 def below_line(fields: VectorFields, line: Surface) -> Bool:
     """Cells [T, Y, X] below a line of points; each frame has the points nearest in time."""
-    inside = np.zeros(fields.u.shape, bool)
     times = np.unique(line.t)
-    for k, now in enumerate(fields.t):
-        near = np.flatnonzero(line.t == times[np.argmin(np.abs(times - now))])
-        near = near[np.argsort(line.x[near], kind="stable")]
-        height = np.interp(fields.x, line.x[near], line.y[near], -np.inf, -np.inf)
-        inside[k] = fields.y[:, None] <= height
-    return inside
+    height = line_heights(times, fields.x, line)[nearest(times, fields.t)]
+    return np.asarray(fields.y[:, None] <= height[:, None])
 
 
 def surface_of_grains(

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -28,11 +28,11 @@ from granpinn.arrays import Float64
 from granpinn.importers.columns import (
     GROUPS,
     NAMES,
-    layout_of,
     lines_of,
     read_headed,
     require,
     require_finite,
+    roles_in,
     units_of,
 )
 from granpinn.importers.grids import PIVLAB
@@ -40,9 +40,7 @@ from granpinn.importers.limits import COPIES, require_room
 from granpinn.importers.vectors import (
     TRACK_WINDOW,
     DataFileError,
-    Validity,
     VectorFields,
-    vector_fields,
 )
 
 _TRACKPY = {"mass", "ecc", "raw_mass", "signal", "size"}
@@ -57,10 +55,8 @@ def sniff(path: Path, head: bytes) -> bool:
     lines = lines_of(head)
     if lines[0].lstrip("# ").startswith(PIVLAB):
         return False
-    named = layout_of(lines, NAMES, ("x", "y")).named
-    names = {column.name for column in named}
-    x, y, frame, t = (names.intersection(NAMES[role]) for role in ("x", "y", "frame", "t"))
-    return bool(x and y and (frame or t))
+    roles = roles_in(lines, NAMES, ("x", "y"))
+    return {"x", "y"} <= roles and bool(roles & {"frame", "t"})
 
 
 def read(path: Path, window: int) -> VectorFields:
@@ -81,36 +77,28 @@ def read(path: Path, window: int) -> VectorFields:
     if image and not stated.keys() & GROUPS["length_unit"]:
         stated = stated | {"x": "px"}
     units, facts = units_of(path, stated), {}
-    timed = "t" in found
-    units["time_unit"] = units["time_unit"] if timed else "frame"
+    units["time_unit"] = units["time_unit"] if "t" in found else "frame"
+    t, motion = found["t" if "t" in found else "frame"], dict[str, Any]()
     if "u" in found and "v" in found:
-        t = found["t" if timed else "frame"]
-        motion = TrackMotion(found["x"], found["y"], found["u"], found["v"])
-        motion = motion._replace(sigma_u=found.get("sigma_u"), sigma_v=found.get("sigma_v"))
+        motion |= {n: found[n] for n in ("x", "y", "u", "v", "sigma_u", "sigma_v") if n in found}
     else:
         _require_each_once(path, found)
-        t = found["t" if timed else "frame"]
         ep = found.get("ep")
         ep = ep if ep is not None and np.isfinite(ep).any() else None
         count = found["frame"] if "frame" in found else counted(t, found["particle"])
-        motion = velocities(t, count, found["x"], found["y"], found["particle"], ep, window)
+        motion |= velocities(t, count, found["x"], found["y"], found["particle"], ep, window)
         known = (units["length_unit"], units["time_unit"])
         units["velocity_unit"] = None if None in known else "/".join(map(str, known))
         facts = {TRACK_WINDOW: str(window)}
-    finite = np.asarray(np.isfinite([motion.x, motion.y, t]).all(axis=0))
+    finite = np.asarray(np.isfinite([motion["x"], motion["y"], t]).all(axis=0))
     if not finite.any():
         raise DataFileError(f"{path} holds no particle with a position and a time: export it again")
-    measured = np.isfinite(motion.u) & np.isfinite(motion.v)
     # The order of the rows in the file must not matter: equal vectors give equal flows.
-    keys = [found.get("particle"), t]
-    order = np.lexsort(
-        [k for k in (motion.v, motion.u, motion.y, motion.x, *keys) if k is not None]
-    )
+    keys = [*(motion[name] for name in "vuyx"), found.get("particle", t), t]
+    order = np.lexsort(keys)
     order = order[finite[order]]
-    parts: dict[str, Any] = {**motion._asdict(), "t": t}
-    return vector_fields(
-        **{name: part[order] for name, part in parts.items() if part is not None},
-        validity=np.where(measured, Validity.VALID, Validity.INVALID)[order],
+    return VectorFields(
+        **{name: part[order] for name, part in (motion | {"t": t}).items()},
         **units,
         y_down=True if down else None,
         facts=facts,
@@ -132,17 +120,6 @@ def _require_each_once(path: Path, columns: Mapping[str, Float64]) -> None:
         )
 
 
-class TrackMotion(NamedTuple):
-    """Positions and velocities [n], NaN where a track is too short."""
-
-    x: Float64
-    y: Float64
-    u: Float64
-    v: Float64
-    sigma_u: Float64 | None = None
-    sigma_v: Float64 | None = None
-
-
 def counted(t: Float64, particle: Float64) -> Float64:
     """Times [n] in usual steps of a track, so that a window counts frames in any unit of time."""
     order = np.lexsort((t, particle))
@@ -159,8 +136,11 @@ def velocities(
     particle: Float64,
     ep: Float64 | None,
     window: int,
-) -> TrackMotion:
-    """Position and velocity of every observation [n], in the order given.
+) -> dict[str, Float64]:
+    """x, y, u, v, sigma_u, sigma_v of every observation [n], in the order given.
+
+    Velocities are NaN where a track is too short. There are no standard deviations without `ep` if
+    the parabolas leave no scatter.
 
     Args:
         t: time, or frame once more; one for each particle and frame.
@@ -203,27 +183,22 @@ def velocities(
             "columns t and frame"
         ) from None
     b_variance = inverse[:, 1, 1] / unit**2
-    result, scatter = [], []
-    for values in (x, y):
+    found, scatter = {}, []
+    for name, speed, values in (("x", "u", x), ("y", "v", y)):
         centered = np.where(inside, values[index] - values[:, None], 0.0)
         fit = np.einsum("nij,nwj,nw->ni", inverse, powers, centered)
         residual = centered - np.einsum("nwi,ni->nw", powers, fit)
         scatter.append((residual**2).sum(axis=1))
-        result.append(np.where(enough, values + fit[:, 0], values))
-        result.append(np.where(enough, fit[:, 1] / unit, np.nan))
+        found[name] = np.where(enough, values + fit[:, 0], values)
+        found[speed] = np.where(enough, fit[:, 1] / unit, np.nan)
     freedom = np.where(enough, inside.sum(axis=1) - ORDER - 1, 0).sum()
-    back = np.argsort(order)
-    new_x, u, new_y, v = (a[back] for a in result)
-    sigmas = []
     # Grains that never move along an axis have no scatter there.
-    fastest = float(np.nanmax(np.abs([u, v]), initial=0.0))
+    fastest = float(np.nanmax(np.abs([found["u"], found["v"]]), initial=0.0))
     least = _SMALLEST_SIGMA * max(fastest, 1e-300)
-    for about in scatter:
-        if ep is not None:
-            variance = np.square(ep[order])
-        elif freedom > 0:
-            variance = np.full(n, about[enough].sum() / freedom)
-        else:
-            return TrackMotion(new_x, new_y, u, v)
-        sigmas.append(np.maximum(np.sqrt(variance * b_variance), least)[back])
-    return TrackMotion(new_x, new_y, u, v, *sigmas)
+    for name, about in zip(("sigma_u", "sigma_v"), scatter, strict=True):
+        if ep is None and freedom == 0:
+            continue
+        variance = about[enough].sum() / freedom if ep is None else np.square(ep[order])
+        found[name] = np.maximum(np.sqrt(variance * b_variance), least)
+    back = np.argsort(order)
+    return {name: values[back] for name, values in found.items()}

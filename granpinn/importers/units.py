@@ -10,14 +10,13 @@ import math
 import re
 from contextlib import suppress
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from granpinn.importers.vectors import MAX_UNIT, DataFileError
 
 # A number has at most 64 ASCII characters. Python alone would also accept "1_000", digits of other
 # scripts, and integers of any length, whose conversion takes quadratic time.
 MAX_NUMBER = 64
-_MAX_DIGITS = 18  # of an integer, which then fits in 64 bits
 MAX_QUANTITY = MAX_NUMBER + MAX_UNIT
 _QUANTITY = re.compile(r"([+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?)(.*+)")
 # Only plain products and quotients of names with one-digit powers, which are quick to parse.
@@ -56,18 +55,15 @@ def number(text: str, what: str) -> float:
 
 
 def whole(text: str, what: str) -> int:
-    """An integer of at most 18 digits; `what` names its place for the message.
+    """An integer; `what` names its place for the message.
 
     Raises:
-        DataFileError: the text is no such integer.
+        DataFileError: the text is no integer.
     """
-    stripped = text.strip()
-    digits = stripped[1:] if stripped[:1] in ("+", "-") else stripped
-    if not (digits.isascii() and digits.isdigit() and len(digits) <= _MAX_DIGITS):
-        raise DataFileError(
-            f"{what} must be an integer of at most {_MAX_DIGITS} digits, got {text[:MAX_NUMBER]!r}"
-        )
-    return int(stripped)
+    value = number(text, what)
+    if value != int(value):
+        raise DataFileError(f"{what} must be an integer, got {text[:MAX_NUMBER]!r}")
+    return int(value)
 
 
 @cache
@@ -83,8 +79,6 @@ def _registry() -> Any:
 
 def unit(text: str, what: str) -> Any:
     """A pint unit; `what` names the setting or the file for the message."""
-    import pint
-
     short = len(text) <= MAX_QUANTITY
     cleaned = " ".join(text.strip().strip("[]").split()) if short else text
     if cleaned in ("1", "-", ""):
@@ -93,14 +87,7 @@ def unit(text: str, what: str) -> Any:
         powers = _NAME_WITH_POWER.sub(lambda m: f"{m[1]}**{m[2].lstrip('^*')}", cleaned)
         try:
             return _registry().Unit(powers.replace("·", "*"))
-        except (
-            pint.errors.PintError,
-            LookupError,
-            ValueError,
-            TypeError,
-            AttributeError,
-            SyntaxError,
-        ):
+        except Exception:  # of any kind, for names that pint does not know
             pass
     raise DataFileError(
         f"{what} must be a unit such as mm, px/frame or m/s, got {text[:MAX_QUANTITY]!r}"
@@ -115,16 +102,6 @@ def split(text: str, what: str) -> tuple[float, str]:
     return number(match[1], what), match[2].strip()
 
 
-def plain(text: str, what: str) -> float:
-    """A number of a conversion without units."""
-    try:
-        return number(text, what)
-    except DataFileError:
-        raise DataFileError(
-            f"{what} must be a plain number with --dimensionless, got {text!r}"
-        ) from None
-
-
 def in_range(value: float, what: str, text: str) -> float:
     """The value, which must be positive and usable in products; `text` is what was given."""
     if not value > 0:
@@ -135,24 +112,6 @@ def in_range(value: float, what: str, text: str) -> float:
             "the number and its unit"
         )
     return value
-
-
-def quantity(text: str, what: str) -> Any:
-    """A pint quantity from text such as "2500 kg/m^3"."""
-    value, name = split(text, what)
-    return value * unit(name, what)
-
-
-def si(text: str, dimension: str, what: str) -> float:
-    """A number with a unit of the given dimension in SI; an angle in radians."""
-    value = quantity(text, what)
-    wanted, example = DIMENSIONS[dimension]
-    if not value.check(wanted) or (dimension == "angle" and value.units == _registry().Unit("")):
-        article = "an" if dimension.startswith("a") else "a"
-        raise DataFileError(
-            f"{what} must be {article} {dimension} with its unit, such as {example}, got {text!r}"
-        )
-    return float(value.to_base_units().magnitude)
 
 
 def scale(text: str) -> float:
@@ -168,7 +127,8 @@ def frame_time(text: str, what: str) -> float:
 
 def _either_way_up(text: str, what: str, expected: str, *targets: str) -> float:
     """A positive quantity, or one over it, in the first target unit that it converts to."""
-    value = quantity(text, what)
+    size, name = split(text, what)
+    value = size * unit(name, what)
     for candidate in (value, 1 / value if value.magnitude else value):
         for target in map(_registry().Unit, targets):
             # A frequency in hertz is 1/s, with no radians in it.
@@ -177,32 +137,66 @@ def _either_way_up(text: str, what: str, expected: str, *targets: str) -> float:
     raise DataFileError(f"{what} must be {expected}, got {text!r}")
 
 
-def factor(
-    text: str, dimension: str, what: str, px: float | None = None, frame: float | None = None
-) -> float:
-    """The factor from this unit to SI.
+class Calibration(NamedTuple):
+    """What makes SI numbers of those with units; None: unknown.
 
-    Args:
-        px: meters per pixel, None if unknown.
-        frame: seconds per frame, None if unknown.
-
-    Raises:
-        DataFileError: the unit has another dimension, or pixels or frames of unknown size.
+    Attributes:
+        pixel: meters per pixel.
+        delay, interval: seconds between the images of a pair, and between frames.
+        dimensionless: whether numbers have no units.
     """
-    registry = _registry()
-    found = 1.0 * unit(text, what)
-    dimensions = dict(found.dimensionality)
-    for key, known, flag, base in (
-        ("[px_length]", px, "--scale, such as '0.12 mm/px'", registry.m / registry.px),
-        ("[frame_count]", frame, "--frame-rate, such as '500 Hz'", registry.s / registry.frame),
-    ):
-        if power := dimensions.get(key, 0):
-            if known is None:
-                raise DataFileError(f"{what} is in {text}: give {flag}")
-            found = found * (known * base) ** power
-    if not found.check(DIMENSIONS[dimension][0]):
-        raise DataFileError(f"{what} must be a unit of {dimension}, got {text!r}")
-    return in_range(float(found.to_base_units().magnitude), what, text)
+
+    pixel: float | None = None
+    delay: float | None = None
+    interval: float | None = None
+    dimensionless: bool = False
+
+    def factor(self, text: str, dimension: str, what: str) -> float:
+        """The factor from a unit to SI.
+
+        Raises:
+            DataFileError: the unit has another dimension, or pixels or frames of unknown size.
+        """
+        frame = self.interval if dimension == "time" else self.delay
+        if self.dimensionless:
+            if text not in ("", "1", "-", "frame"):
+                raise DataFileError(
+                    f"{what} must be without a unit with --dimensionless, got {text}"
+                )
+            return frame if text == "frame" and frame is not None else 1.0
+        registry = _registry()
+        found = 1.0 * unit(text, what)
+        dimensions = dict(found.dimensionality)
+        for key, known, flag, base in (
+            ("[px_length]", self.pixel, "--scale, such as '0.12 mm/px'", registry.m / registry.px),
+            ("[frame_count]", frame, "--frame-rate, such as '500 Hz'", registry.s / registry.frame),
+        ):
+            if power := dimensions.get(key, 0):
+                if known is None:
+                    raise DataFileError(f"{what} is in {text}: give {flag}")
+                found = found * (known * base) ** power
+        if not found.check(DIMENSIONS[dimension][0]):
+            raise DataFileError(f"{what} must be a unit of {dimension}, got {text!r}")
+        return in_range(float(found.to_base_units().magnitude), what, text)
+
+    def number(self, text: str, dimension: str, what: str) -> float:
+        """A number with a unit in SI, an angle in radians; without units a plain number."""
+        if self.dimensionless:
+            return number(text, f"{what} with --dimensionless")
+        value, name = split(text, what)
+        if name in ("", "1", "-"):
+            raise DataFileError(
+                f"{what} must be in a unit of {dimension}, such as "
+                f"{DIMENSIONS[dimension][1]}, got {text!r}"
+            )
+        return value * self.factor(name, dimension, what)
+
+    def positive(self, text: str, dimension: str, what: str) -> float:
+        """The same, of a number that must be positive and usable in products."""
+        return in_range(self.number(text, dimension, what), what, text)
+
+
+SI = Calibration()
 
 
 def ratio(text: str, other: str, what: str) -> float:

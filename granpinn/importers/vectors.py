@@ -7,7 +7,6 @@ grains. So all readers use one enumeration, and vectors that were not measured a
 from __future__ import annotations
 
 import enum
-import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import binary_fill_holes
 
-from granpinn.arrays import Bool, Float64, Int8, plain_array
+from granpinn.arrays import Bool, Int8, plain_array
 from granpinn.data.particles import closed
 from granpinn.data.schema import FRACTION_TOLERANCE
 from granpinn.declared import require_fields
@@ -31,6 +30,7 @@ MAX_MESSAGE = 600
 TRACK_WINDOW = "track_window"
 # The facts of a calibration: meters per pixel; m/s of one pixel per pair, by two names.
 CALXY, CALUV, CALU = CALIBRATION = ("calxy", "caluv", "calu")
+NUMBERS = ("u", "v", "sigma_u", "sigma_v", "c", "p")  # of every vector
 GAPS = "gaps"  # the fact "mask" of files whose gaps show the mask (`split_gaps`)
 
 
@@ -62,10 +62,12 @@ class Validity(enum.IntEnum):
 class VectorFields:
     """Vectors on a grid [T, Y, X], or scattered [n], in the units of their file.
 
+    In standard form: float64, NaN for no vector, and the axes of a grid ascending.
+
     Attributes:
         t, y, x: times [T] and coordinates [Y], [X]; of scattered vectors [n] each.
         u, v: velocity; NaN where invalid or masked.
-        validity: a `Validity` for every vector.
+        validity: a `Validity` for every vector; by default VALID if u and v are finite.
         sigma_u, sigma_v: standard deviations like u, or None.
         c: volume fraction of grains like u, or None if only a mask is known.
         p: reference pressure like u, or None; simulations have it.
@@ -73,18 +75,21 @@ class VectorFields:
             dimensionless data, None if unknown.
         y_down: whether y and v point down, as in an image; None if unknown.
         facts: further statements of the file, for the record.
+
+    Raises:
+        DataFileError: the arrays do not fit together, or hold impossible numbers.
     """
 
-    t: Float64
-    y: Float64
-    x: Float64
-    u: Float64
-    v: Float64
-    validity: Int8
-    sigma_u: Float64 | None = None
-    sigma_v: Float64 | None = None
-    c: Float64 | None = None
-    p: Float64 | None = None
+    t: Any
+    y: Any
+    x: Any
+    u: Any
+    v: Any
+    validity: Any = None
+    sigma_u: Any = None
+    sigma_v: Any = None
+    c: Any = None
+    p: Any = None
     length_unit: str | None = None
     time_unit: str | None = None
     velocity_unit: str | None = None
@@ -93,31 +98,39 @@ class VectorFields:
 
     def __post_init__(self) -> None:
         require_fields(self, DataFileError)
+        for name in ("t", "y", "x", *NUMBERS):
+            if (given := getattr(self, name)) is not None:
+                values = plain_array(given, name, DataFileError).astype(np.float64, copy=False)
+                self._put(name, values.reshape(-1) if name in "tyx" else values)
         if self.time_unit in ("frames", "fr"):
-            object.__setattr__(self, "time_unit", "frame")
+            self._put("time_unit", "frame")
         shape = (self.t.size,) if self.scattered else (self.t.size, self.y.size, self.x.size)
-        for name, values in self.arrays().items():
-            if values.shape != shape:
+        for name in (*NUMBERS, "validity"):
+            if (values := getattr(self, name)) is not None and np.shape(values) != shape:
                 raise DataFileError(
                     f"{name} must have the shape {list(shape)} of t, y, x, got "
-                    f"{list(values.shape)}: give a value for every vector"
+                    f"{list(np.shape(values))}: give a value for every vector"
                 )
         if 0 in (*shape, self.y.size, self.x.size):
             raise DataFileError(
                 f"u and v must hold at least one vector, got the shape {list(shape)}: check which "
                 "frames the file holds"
             )
-        for name in ("t", "y", "x"):
-            if not np.isfinite(getattr(self, name)).all():
+        for name, values in {n: getattr(self, n) for n in ("t", "y", "x", *NUMBERS)}.items():
+            if values is None:
+                continue
+            if name in "tyx" and not np.isfinite(values).all():
                 raise DataFileError(
                     f"{name} must be finite, got NaN or infinity: leave these vectors out"
                 )
-        for name, values in {"t": self.t, "y": self.y, "x": self.x, **self.arrays()}.items():
             if (found := largest(values)) > LARGEST:
                 raise DataFileError(
                     f"{name} must be at most {LARGEST:g} in magnitude, got {found:g}: the file is "
                     "damaged, or a unit or a scale is wrong"
                 )
+        self._put_gaps()
+        if not self.scattered:
+            self._put_in_order()
         self._check_fraction()
         for name in ("length_unit", "time_unit", "velocity_unit"):
             unit = getattr(self, name) or ""
@@ -133,6 +146,37 @@ class VectorFields:
                     f"{text[:MAX_UNIT]!r}: export the file again"
                 )
 
+    def _put(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+
+    def _put_gaps(self) -> None:
+        """NaN where nothing was measured, and no measured vector that is NaN."""
+        finite = np.isfinite(self.u) & np.isfinite(self.v)
+        codes = np.full(self.u.shape, Validity.VALID) if self.validity is None else self.validity
+        measured = np.isin(codes, (Validity.VALID, Validity.INTERPOLATED))
+        codes = np.where(measured & ~finite, Validity.INVALID, codes)
+        self._put("validity", codes.astype(np.int8))
+        gaps = ~(measured & finite)
+        for name in ("u", "v"):
+            if not np.isnan(values := getattr(self, name))[gaps].all():
+                self._put(name, np.where(gaps, np.nan, values))
+
+    def _put_in_order(self) -> None:
+        """The axes ascending; an error for repeated coordinates."""
+        for axis, name in enumerate(("t", "y", "x")):
+            values = getattr(self, name)
+            order = np.argsort(values, kind="stable")
+            again = np.diff(values[order]) <= 0
+            if again.any():
+                raise DataFileError(
+                    f"{name} must have every value once, got {values[order][1:][again][0]:g} "
+                    "twice: the file mixes grids or holds a frame twice"
+                )
+            if (np.diff(order) < 0).any():
+                self._put(name, values[order])
+                for other, array in self.arrays().items():
+                    self._put(other, array.take(order, axis))
+
     def _check_fraction(self) -> None:
         if self.c is None:
             return
@@ -147,13 +191,17 @@ class VectorFields:
     @property
     def scattered(self) -> bool:
         """Whether the vectors are scattered, not on a grid."""
-        return self.u.ndim == 1
+        return bool(self.u.ndim == 1)
 
-    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+    def arrays(self) -> dict[str, Any]:
         """The arrays with one value per vector."""
-        names = ("u", "v", "validity", "sigma_u", "sigma_v", "c", "p")
-        parts = {name: getattr(self, name) for name in names}
+        parts = {name: getattr(self, name) for name in ("validity", *NUMBERS)}
         return {name: part for name, part in parts.items() if part is not None}
+
+    def at(self, kept: Any) -> VectorFields:
+        """The vectors at these places of their first axis: frames of a grid, or scattered ones."""
+        names = ("t", *self.arrays(), *(("y", "x") if self.scattered else ()))
+        return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
     @property
     def usable(self) -> Bool:
@@ -167,68 +215,7 @@ class VectorFields:
 
 def largest(values: npt.NDArray[Any]) -> float:
     """The largest magnitude among the finite values, 0 if there is none."""
-    if values.dtype.kind != "f":
-        return 0.0  # validity
-    high = float(np.fmax.reduce(values, axis=None, initial=0.0))
-    low = float(np.fmin.reduce(values, axis=None, initial=0.0))
-    if math.isfinite(high) and math.isfinite(low):
-        return max(high, -low)
-    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
-
-
-def vector_fields(
-    t: npt.ArrayLike,
-    y: npt.ArrayLike,
-    x: npt.ArrayLike,
-    u: npt.ArrayLike,
-    v: npt.ArrayLike,
-    validity: npt.ArrayLike | None = None,
-    **others: Any,
-) -> VectorFields:
-    """Vector fields in standard form: float64, NaN for no vector, axes ascending.
-
-    Args:
-        validity: by default VALID if u and v are finite.
-        others: the remaining fields of VectorFields.
-    """
-    arrays = {"t": t, "y": y, "x": x, "u": u, "v": v}
-    plain = {name: plain_array(a, name, DataFileError) for name, a in arrays.items()}
-    t, y, x = (plain[name].astype(np.float64).reshape(-1) for name in ("t", "y", "x"))
-    u, v = (plain[name].astype(np.float64) for name in ("u", "v"))
-    finite = np.isfinite(u) & np.isfinite(v)
-    code = np.full(u.shape, Validity.VALID) if validity is None else np.asarray(validity)
-    if code.shape != u.shape or v.shape != u.shape:
-        raise DataFileError(
-            f"u, v and their validity must have one shape, got {list(u.shape)}, {list(v.shape)} "
-            f"and {list(code.shape)}: give a value for every vector"
-        )
-    measured = np.isin(code, (Validity.VALID, Validity.INTERPOLATED))
-    code = np.where(measured & ~finite, Validity.INVALID, code).astype(np.int8)
-    for component in (u, v):
-        component[~(measured & finite)] = np.nan
-    fields = VectorFields(t, y, x, u, v, code, **others)
-    return fields if fields.scattered else _ascending(fields)
-
-
-def _ascending(fields: VectorFields) -> VectorFields:
-    """The vector fields with t, y, x ascending; an error for repeated coordinates."""
-    changes: dict[str, Any] = {}
-    orders = []
-    for name in ("t", "y", "x"):
-        values = getattr(fields, name)
-        order = np.argsort(values, kind="stable")
-        if (np.diff(values[order]) <= 0).any():
-            repeated = values[order][1:][np.diff(values[order]) <= 0][0]
-            raise DataFileError(
-                f"{name} must have every value once, got {repeated:g} twice: the file mixes "
-                "grids or holds a frame twice"
-            )
-        changes[name] = values[order]
-        orders.append(order)
-    sorted_already = all((np.diff(order) > 0).all() for order in orders)
-    for name, values in fields.arrays().items():
-        changes[name] = np.ascontiguousarray(values) if sorted_already else values[np.ix_(*orders)]
-    return replace(fields, **changes)
+    return float(np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
 
 
 def split_gaps(measured: Bool) -> Int8:

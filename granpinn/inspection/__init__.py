@@ -20,8 +20,7 @@ from granpinn.config import SideWalls
 from granpinn.data import Flow, FlowFileError, FlowFileWarning
 from granpinn.data.large import slabs, thinned
 from granpinn.data.scaling import initial_height, scales_of
-from granpinn.data.steady import steady_mean
-from granpinn.data.symmetry import with_layer, words
+from granpinn.data.symmetry import steady_mean, with_layer, words
 from granpinn.declared import plain
 from granpinn.estimates import confined
 from granpinn.estimates.body import Body, body_of
@@ -109,7 +108,7 @@ class Inspection:
 
     @cached_property
     def flow(self) -> Flow:
-        """The flow as it trains: a steady one is its mean over time (data/steady.py), and a large
+        """The flow as it trains: a steady one is its mean over time (data/symmetry.py), and a large
         one has fewer frames."""
         return thinned(steady_mean(self.filmed))
 

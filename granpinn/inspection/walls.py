@@ -27,8 +27,8 @@ class WallContacts(Record):
 
 
 def make(inspection: Inspection) -> WallContacts | None:
-    found = walls_of(with_partial_cells(inspection.flow))
-    return None if found is None else WallContacts(tuple(found[1]))
+    flow = with_partial_cells(inspection.flow)
+    return None if flow.walls is None else WallContacts(tuple(walls_of(flow, flow.walls)[1]))
 
 
 CHECK = Check("walls", WallContacts, make, seconds=0.09, quick=False)

@@ -30,7 +30,8 @@ import numpy.typing as npt
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Int64
 from granpinn.data.flow import STEADY
-from granpinn.data.hdf5 import Hdf5File, read_hdf5
+from granpinn.data.flow_file import Hdf5File, read_hdf5
+from granpinn.data.schema import Units, attribute
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
@@ -69,31 +70,6 @@ DESCRIBED = {**AXES, "c": ("number", "volume fraction of grains"), **VARIABLES}
 
 class FieldsFileError(BadInput):
     """fields.h5 is missing or cannot be read."""
-
-
-@dataclass(frozen=True)
-class Units:
-    """Units of length, time and density of the flow file; "1" means dimensionless."""
-
-    length: str
-    time: str
-    density: str | None = None
-
-    def of(self, kind: str) -> str | None:
-        """Unit of a kind of quantity; None for pressure and viscosity unless all units are SI.
-
-        A flow file may lack the unit of its density, which determines the unit of pressure.
-        """
-        if kind == "number" or self.length == self.time == "1":
-            return "1"
-        si = (self.length, self.time, self.density) == ("m", "s", "kg/m^3")
-        return {
-            **({"pressure": "Pa", "viscosity": "Pa s"} if si else {}),
-            "length": self.length,
-            "time": self.time,
-            "velocity": f"{self.length}/{self.time}",
-            "rate": f"1/{self.time}",
-        }.get(kind)
 
 
 def _cell(centers: Float64, at: Float64) -> Int64:
@@ -249,8 +225,8 @@ def read_fields(path: str | Path) -> Fields:
 
 def _read(file: Hdf5File) -> Fields:
     attributes = file.attributes
-    name = attributes.text("format_name", True)
-    version = attributes.number("format_version", True)
+    name = attribute(attributes, "format_name", str, True)
+    version = attribute(attributes, "format_version", float, True)
     if name != FORMAT_NAME or version != FORMAT_VERSION:
         raise UnsafeFileError(
             f"expected version {FORMAT_VERSION}, got {name} version {version:g}: read it with the "
@@ -263,18 +239,18 @@ def _read(file: Hdf5File) -> Fields:
     values = {
         name: _on_grid(file, name, shape)[inside] for name in VARIABLES if name in file.datasets
     }
-    names = ["length", "time", *(["density"] if attributes.text("density_unit") else [])]
+    names = ["length", "time", *(["density"] if attribute(attributes, "density_unit", str) else [])]
     return Fields(
         t=t,
         y=y,
         x=x,
         c=c,
         values=values,
-        units=Units(**{name: attributes.text(f"{name}_unit", True) for name in names}),
-        length=attributes.number("length_scale", True),
-        time=attributes.number("time_scale", True),
-        pressure=attributes.number("pressure_scale", True),
-        steady=attributes.numbers(STEADY) == (1,),
+        units=Units(**{name: attribute(attributes, f"{name}_unit", str, True) for name in names}),
+        length=attribute(attributes, "length_scale", float, True),
+        time=attribute(attributes, "time_scale", float, True),
+        pressure=attribute(attributes, "pressure_scale", float, True),
+        steady=attribute(attributes, STEADY, list) == [1],
     )
 
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.config import Config, flatten
-from granpinn.data.symmetry import STEADY
+from granpinn.data.symmetry import UNCHANGING
 from granpinn.physics.laws import DEFAULT, LAWS, FrictionLaw
 from granpinn.physics.terms import LAW, TERMS
 from granpinn.results import Covariance, Parameter, Residuals
@@ -210,7 +210,7 @@ def judge(
     if known.real:
         return found
     # Grains of all kinds were tested, of simulated flows those that change in time.
-    unlike = tuple(f"a flow that is {w.partition(':')[0]}" for w in symmetries if w == STEADY)
+    unlike = tuple(f"a flow that is {w.partition(':')[0]}" for w in symmetries if w == UNCHANGING)
     bars = dataclasses.replace(found.bars, outside=(*unlike, *found.bars.outside))
     return found._replace(bars=bars)
 

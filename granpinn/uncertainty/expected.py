@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
-from granpinn.data.steady import steady_mean
+from granpinn.data.symmetry import steady_mean
 from granpinn.estimates.facts import Facts, inertial_numbers
 from granpinn.physics.laws import mu_of_i
 from granpinn.uncertainty.determined import percentiles

@@ -15,7 +15,7 @@ from granpinn.commands.shared.exit_codes import fail
 from granpinn.commands.shared.flow_files import require_flow_files
 from granpinn.data import Flow
 from granpinn.errors import BadInput
-from granpinn.importers.formats import detect
+from granpinn.importers.series import detect
 
 NAMES = {
     "command": "x$(touch PWNED)",

@@ -188,7 +188,7 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         lambda f: _replace(f, "surface_x", data=f["surface_x"][:-1]),
         "surface_x must be [n] = ",
     ),
-    "half a surface": (lambda f: f.pop("surface_y"), "must come with"),
+    "half a surface": (lambda f: f.pop("surface_y"), "surface_y is missing"),
     # Attributes
     "other format": (
         lambda f: f.attrs.__setitem__("format_name", np.bytes_("other")),

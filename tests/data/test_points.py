@@ -57,7 +57,7 @@ def test_no_time_zero() -> None:
     assert data_set.points[:, 2].min() > 0
     assert data_set.surface_points[:, 2].min() > 0
     assert len(data_set.points) == FLOW.valid[3:].sum()
-    with pytest.raises(FlowFileError, match="at t > 0, got none"):
+    with pytest.raises(FlowFileError, match="vectors at t > 0, on a grid"):
         training_set(replace(FLOW, t=FLOW.t - 9), SCALES)
 
 

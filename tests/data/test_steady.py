@@ -12,7 +12,7 @@ import pytest
 from granpinn.arrays import Float64
 from granpinn.data import Flow, add_noise, check_flow, large
 from granpinn.data.noise import max_speed
-from granpinn.data.steady import HARMFUL, PARTS, _has_trend, is_steady, said, steady_mean
+from granpinn.data.symmetry import HARMFUL, PARTS, _has_trend, is_steady, said, steady_mean
 from tests.flows import make_chute, make_flow
 
 FRAMES = 60

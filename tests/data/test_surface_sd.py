@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow, read_flow, write_flow
-from granpinn.data.surface import from_fraction, moved, surface_sd
+from granpinn.data.surface import distance_to_fraction, moved, surface_sd
 from tests.flows import make_flow, scattered
 
 FINE = {"frames": 4, "rows": 66, "columns": 120}
@@ -48,8 +48,8 @@ def test_the_fraction_shows_where_the_line_should_be(offset: float) -> None:
     there = with_moved_surface(flow, offset * flow.spacing[1])
     assert flow.surface is not None
     assert there.surface is not None
-    assert from_fraction(flow, flow.surface) < 0.1 * flow.spacing[1]
-    found = from_fraction(there, there.surface)
+    assert distance_to_fraction(flow, flow.surface) < 0.1 * flow.spacing[1]
+    found = distance_to_fraction(there, there.surface)
     assert found == pytest.approx(abs(offset) * flow.spacing[1], rel=0.2)
 
 

@@ -91,7 +91,7 @@ def test_points_that_can_be_read_in_two_ways_are_refused(tmp_path: Path, name: s
         ("x [px],y [px],a [px/frame],b [px/frame],Vector type [-]", "must have the columns u, v"),
         ("x [px],y [px],u [px/frame],u [px/frame],v", "must have one column for u, got u, u"),
         ("x [px],y [px],u [px/frame],v [px/frame]", "must have 4 cells in every row"),
-        ("x,y,u,v,t\nx,y,v,u,t", "one line with the names of its columns"),
+        ("x,y,u,v,t\nx,y,v,u,t", "must have numbers in column 1"),
     ],
 )
 def test_headers_that_do_not_name_the_columns_are_refused(

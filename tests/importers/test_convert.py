@@ -154,7 +154,7 @@ WRONG = {
     ),
     "diameter": (
         ["FILE", "--out", "f.h5", *CAMERA, *MATERIAL[2:], "--grain-diameter", "0.8"],
-        "--grain-diameter must be a length with its unit, such as '0.8 mm', got '0.8'",
+        "--grain-diameter must be in a unit of length, such as '0.8 mm', got '0.8'",
     ),
     "negative": (
         ["FILE", "--out", "f.h5", *CAMERA, *MATERIAL[2:], "--grain-diameter", "-1 mm"],
@@ -170,8 +170,8 @@ WRONG = {
     ),
     "frames": (["FILE", "--out", "f.h5", "--frames", "a:b"], "--frames must be FIRST:LAST:STEP"),
     "one frame": (
-        ["FILE", "--out", "f.h5", "--frames", "0:1"],
-        "leave at least two frames (or one",
+        ["FILE", "--out", "f.h5", "--frames", "0:1", *CAMERA, *MATERIAL],
+        "at least two frames (or one",
     ),
     "times": (["FILE", "--out", "f.h5", "--times", "FILE"], "must have the columns t, got"),
     "origin": (

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from granpinn.importers import DataFileError, read_vectors
-from granpinn.importers.formats import FORMATS
+from granpinn.importers.series import FORMATS
 from tests.importers.test_other_piv import davis, openpiv
 from tests.importers.test_pivlab_text import export
 from tests.importers.test_simulation_files import basilisk
@@ -60,7 +60,7 @@ WRONG: dict[str, tuple[Callable[[Path], Path], Callable[[str], str], str]] = {
     "pivlab types": (
         pivlab,
         lambda s: s.replace(",2\n", ",7\n").replace(",1\n", ",7\n"),
-        "vector types 0, 1, 2, 3, got 7",
+        "vector type 0, 1, 2, 3, got 7",
     ),
     "pivlab letters": (
         pivlab,
@@ -68,7 +68,7 @@ WRONG: dict[str, tuple[Callable[[Path], Path], Callable[[str], str], str]] = {
         "must have 5 cells in every row",
     ),
     "empty": (pivlab, lambda s: "", "is empty"),
-    "blank": (pivlab, lambda s: "PIVlab, ASCII chart\n\n", "the names of its columns, got none"),
+    "blank": (pivlab, lambda s: "PIVlab, ASCII chart\n\n", "must have the columns x, y, u, v"),
     "binary": (pivlab, lambda s: "PIVlab\0\0\0", "must be text, got binary"),
     "openpiv flags": (
         openpiv,

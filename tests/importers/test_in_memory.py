@@ -43,11 +43,14 @@ def dataset() -> Any:
         (arrays() | MATERIAL, "missing: length_unit"),
         (arrays() | UNITS, "missing: grain_diameter"),
         (arrays() | UNITS | MATERIAL | {"grain_diametre": "1 mm"}, "did you mean grain_diameter?"),
-        (arrays() | UNITS | MATERIAL | {"density": 1500}, "density must be text such as"),
+        (
+            arrays() | UNITS | MATERIAL | {"density": 1500},
+            "density must be text or None",
+        ),
         (arrays() | UNITS | MATERIAL | {"surface": ([0], [1])}, "three arrays t, x, y"),
         (arrays() | UNITS | MATERIAL | {"surface": ([0], [1], [1, 2])}, "of one length"),
         (arrays() | UNITS | MATERIAL | {"surface": ([0], [1], [np.nan])}, "a finite y"),
-        (arrays() | UNITS | MATERIAL | {"surface": "line.csv"}, "three arrays t, x, y"),
+        (arrays() | UNITS | MATERIAL | {"surface": "line.csv"}, "there is no such file"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )

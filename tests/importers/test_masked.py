@@ -11,7 +11,7 @@ import pytest
 import granpinn
 from granpinn.arrays import plain_array
 from granpinn.data import Particles, Surface, Walls, check_flow
-from granpinn.importers import DataFileError, VectorFields, vector_fields
+from granpinn.importers import DataFileError, VectorFields
 from tests.flows import make_flow
 from tests.importers.test_in_memory import HEAP, MATERIAL, UNITS, arrays, dataset
 
@@ -36,7 +36,7 @@ RECORDS: dict[str, Callable[[], Any]] = {
     "VectorFields": lambda: VectorFields(
         *(np.arange(2.0),) * 3, u=ROW, v=ROW, validity=np.ones(2, np.int8)
     ),
-    "vector_fields": lambda: vector_fields(*(np.arange(2.0),) * 3, ROW, ROW),
+    "without validity": lambda: VectorFields(*(np.arange(2.0),) * 3, ROW, ROW),
 }
 
 

@@ -26,7 +26,6 @@ PATTERNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "grids._DAVIS": ("match", ("#", "# ", "DaVis ", "1 ", "#DaVis 1 2D-vector 1")),
     "grids._FACTOR": ("findall", ("conversion factor xy (", ")", ": ", " ", "1", "e")),
     "grids._FRAME": ("search", ("FRAME:", "FRAME: ", "1")),
-    "grids._NUMBER_FIRST": ("match", (" ", "-", "n", ".")),
     "grids._NUMBERED": ("findall", ("1", "1:", " 1", "1:a ")),
     "series._NUMBER": ("split", ("1", "1.", "a1", ".")),
     "series._TIME": ("findall", ("1", "1.", "1e", "1e+", "1.1e")),
@@ -87,7 +86,7 @@ def test_long_units_and_quantities_are_refused_at_once(piece: str) -> None:
         lambda: units.unit(text, "--length-unit"),
         lambda: units.split(text, "--scale"),
         lambda: units.scale(text),
-        lambda: units.plain(text, "--gravity"),
+        lambda: units.number(text, "--gravity"),
     ):
         with pytest.raises(DataFileError) as caught:
             call()

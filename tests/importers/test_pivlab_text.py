@@ -73,5 +73,5 @@ def test_columns_without_one_line_of_names_are_refused(tmp_path: Path, form: str
     first, second, *rows = path.read_text().splitlines()
     more = ["x [m] y [m] u [m/frame] v [m/frame] isNaN?", 'TITLE = "PIVlab frame: 1"']
     lines = [first, second, *(more if form == "tecplot" else []), *rows]
-    with pytest.raises(DataFileError, match="must have one line with the names of its columns"):
+    with pytest.raises(DataFileError, match="must have the columns|cells in every row"):
         read_vectors(scene.write_lines(path, lines))

@@ -44,7 +44,7 @@ def test_standard_deviations_go_with_their_vectors() -> None:
         ({}, {"sigma": "-1"}, "sigma must be positive"),
         ({"sigma_u": np.full(N, -0.1), "sigma_v": np.ones(N)}, {}, "sigma_u must be positive, and"),
         ({"sigma_u": np.ones(N), "sigma_v": np.full(N, np.inf)}, {}, "sigma_v must be positive"),
-        ({}, {"sigma": "much"}, "sigma must be a plain number"),
+        ({}, {"sigma": "much"}, "sigma with dimensionless must be a finite number"),
         ({}, {"times": "name"}, "times name needs files, got arrays"),
         ({}, {"frames": "0:9:0"}, "frames must be FIRST:LAST:STEP"),
         ({"length_unit": "mm"}, {}, "dimensionless contradicts the files"),

@@ -34,7 +34,7 @@ WRONG_ARRAYS = {
     "transposed": ({"u": U.T, "v": V.T}, "u must have the shape \\[3, 7, 9\\] of t, y, x"),
     "unknown": ({"w": V}, "unknown array w"),
     "codes": ({"validity": CODES + 5}, "validity must be 0, 1, 2 or 3"),
-    "code shape": ({"validity": CODES[1:]}, "must have one shape"),
+    "code shape": ({"validity": CODES[1:]}, "validity must have the shape"),
     "mask shape": ({"mask": CODES[0]}, "mask must have the shape"),
     "text": ({"u": np.full(U.shape, "a")}, "must hold numbers"),
     "time of NaN": ({"t": [0, np.nan, 1]}, "t must be finite"),

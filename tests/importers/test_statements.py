@@ -55,7 +55,7 @@ CONTRADICTIONS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "1 s and 500 Hz": (
         {"xy": 1e-4, "uv": 1e-4},
         {"frame_rate": "500 Hz"},
-        r"header says 1 s \(exactly 1, so probably never set\), frame_rate \(you\) says 2 ms: "
+        r"header says 1 s, frame_rate \(you\) says 2 ms: "
         'give pulse_delay "1 s" for double frames',
     ),
     "2 ms and 50 Hz": (

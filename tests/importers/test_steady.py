@@ -43,5 +43,5 @@ def test_tracks_of_one_time(tmp_path: Path) -> None:
     assert flow.particles is not None
     assert np.unique(flow.particles.t).size == flow.t.size == 1
     assert flow.steady
-    with pytest.raises(DataFileError, match="leave at least two frames"):
+    with pytest.raises(DataFileError, match="at least two frames"):
         read(str(tmp_path / "tracks.csv"), frames="5:6", **settings)

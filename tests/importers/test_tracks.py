@@ -43,8 +43,7 @@ def write_csv(path: Path, columns: dict[str, Any], delimiter: str = ",") -> Path
 def test_no_motion_along_an_axis_has_a_standard_deviation() -> None:
     c = motion()
     found = velocities(c["frame"], c["frame"], c["x"], 0 * c["x"], c["particle"], None, 5)
-    assert found.sigma_v is not None
-    assert (found.sigma_v.astype(np.float32) > 0).all()
+    assert (found["sigma_v"].astype(np.float32) > 0).all()
 
 
 @pytest.mark.parametrize("given", [True, False], ids=["ep", "scatter"])
@@ -54,13 +53,12 @@ def test_standard_deviations_are_true(given: bool) -> None:
     c = motion(noise, tracks=400)
     ep = np.full(c["x"].size, noise) if given else None
     found = velocities(c["frame"], c["frame"], c["x"], c["y"], c["particle"], ep, 5)
-    assert found.sigma_u is not None
-    score = (found.u - (B + 2 * C * c["frame"])) / found.sigma_u
+    score = (found["u"] - (B + 2 * C * c["frame"])) / found["sigma_u"]
     ends = np.isin(c["frame"], (0, N_FRAMES - 1))
     for part in (ends, ~ends):
         # 800 and 4000 scores, five of which share a window: 3 standard errors of their spread.
         assert np.std(score[part]) == pytest.approx(1, abs=0.1)
-    assert found.sigma_u[ends].min() > 2 * found.sigma_u[~ends].max()
+    assert found["sigma_u"][ends].min() > 2 * found["sigma_u"][~ends].max()
 
 
 def test_short_tracks_and_gaps() -> None:
@@ -69,8 +67,8 @@ def test_short_tracks_and_gaps() -> None:
     particle = np.array([0, 0, 1, 1, 1, 1, 1.0])
     x = 3 + 2 * frame
     found = velocities(frame, frame, x, x, particle, None, 5)
-    assert np.isnan(found.u[:2]).all()
-    np.testing.assert_allclose(found.u[3:], 2, rtol=1e-12)
+    assert np.isnan(found["u"][:2]).all()
+    np.testing.assert_allclose(found["u"][3:], 2, rtol=1e-12)
 
 
 def test_wrong_tracks_are_refused() -> None:

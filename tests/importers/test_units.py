@@ -25,7 +25,7 @@ from granpinn.importers import DataFileError, units
     ],
 )
 def test_quantities(text: str, dimension: str, value: float) -> None:
-    assert units.si(text, dimension, "--x") == pytest.approx(value, rel=1e-12)
+    assert units.SI.number(text, dimension, "--x") == pytest.approx(value, rel=1e-12)
 
 
 @pytest.mark.parametrize("text", ["0.12 mm/px", "120 um/pixel", f"{1 / 0.12!r} px/mm"])
@@ -51,7 +51,7 @@ def test_time_of_a_frame(text: str) -> None:
     ],
 )
 def test_factors(unit: str, dimension: str, factor: float) -> None:
-    found = units.factor(unit, dimension, "x", px=1e-4, frame=2e-3)
+    found = units.Calibration(1e-4, 2e-3, 2e-3).factor(unit, dimension, "x")
     assert found == pytest.approx(factor, rel=1e-12)
 
 
@@ -74,7 +74,7 @@ NONSENSE = [
 @pytest.mark.parametrize("text", NONSENSE)
 def test_nonsense_is_refused(text: str) -> None:
     with pytest.raises(DataFileError, match="grain_diameter must be") as caught:
-        units.si(text, "length", "--grain-diameter")
+        units.SI.number(text, "length", "--grain-diameter")
     assert "\n" not in str(caught.value)
 
 
@@ -92,11 +92,11 @@ def test_wrong_rates_are_refused(text: str) -> None:
 
 def test_what_is_missing_is_named() -> None:
     with pytest.raises(DataFileError, match="u is in px/frame: give scale"):
-        units.factor("px/frame", "velocity", "u", frame=1.0)
+        units.Calibration(delay=1.0).factor("px/frame", "velocity", "u")
     with pytest.raises(DataFileError, match="u is in m/frame: give frame_rate"):
-        units.factor("m/frame", "velocity", "u", px=1.0)
+        units.Calibration(1.0).factor("m/frame", "velocity", "u")
     with pytest.raises(DataFileError, match="u must be a unit of velocity, got 'm'"):
-        units.factor("m", "velocity", "u")
+        units.SI.factor("m", "velocity", "u")
 
 
 def test_a_power_of_zero_is_no_unit() -> None:

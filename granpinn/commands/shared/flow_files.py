@@ -99,7 +99,7 @@ def require_flow_files(paths: Sequence[Path], then: str) -> None:
     others = [path for path in paths if path.is_file() and not is_flow_file(path)]
     if not others:
         return
-    from granpinn.importers.formats import detect  # slow to import
+    from granpinn.importers.series import detect  # slow to import
 
     try:
         name = detect(others[0])
