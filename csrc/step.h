@@ -138,8 +138,8 @@ GRANPINN_HD bool descend(T rate, T U, T* param) {
   return good;
 }
 
-// The friction law of member e: its update, and theta for the next step; false if a new value is not
-// finite. All loads are issued before any store, so that they overlap.
+// The friction law of member e: its update, and theta for the next step; false if a new value is
+// not finite. All loads are issued before any store, so that they overlap.
 template <class T>
 GRANPINN_HD bool move_law(const UpdateArguments<T>& arguments, std::int64_t e, std::int64_t step) {
   constexpr int N = kMaxLawParameters;

@@ -122,10 +122,14 @@ def most_like(name: str, known: Iterable[str]) -> str | None:
     return None
 
 
-def unknown(name: str, known: Iterable[str]) -> str:
-    """The sentence about a setting that does not exist, with the nearest of the known names."""
+def unknown(name: str, known: Iterable[str], verb: str = "train") -> str:
+    """The sentence about a setting that does not exist, with the nearest of the known names.
+
+    Args:
+        verb: the command that has the settings.
+    """
     near = most_like(name, known)
-    hint = f"did you mean {near}?" if near else "the help of the command lists them"
+    hint = f"did you mean {near}?" if near else f"granpinn {verb} --help lists them"
     return f"unknown setting {name}: {hint}"
 
 

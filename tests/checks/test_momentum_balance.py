@@ -38,7 +38,7 @@ def context_of(flow: Flow, result: Result) -> Any:
     return Context(
         result=result,
         case=SimpleNamespace(seen=flow, shared=shared, member=member),  # type: ignore[arg-type]
-        model=None,  # type: ignore[arg-type]
+        network=None,  # type: ignore[arg-type]
         run=None,  # type: ignore[arg-type]
         place=0,
     )

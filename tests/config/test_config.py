@@ -104,7 +104,7 @@ BAD = {
     ),
     "no name": ({"network": {3: (8,)}}, "unknown setting network.3"),
     "another section": ({"bach": {"interior": 3}}, "unknown setting bach: did you mean batch?"),
-    "nothing like it": ({"qqqq": 3}, "unknown setting qqqq: the help of the command lists them"),
+    "nothing like it": ({"qqqq": 3}, "unknown setting qqqq: granpinn train --help lists them"),
     "no section": ({"batch": 512}, "batch must be a granpinn.config.Batch or a dict, got 512"),
     "dict in a dict": (
         {"network": {"widths": {}}},

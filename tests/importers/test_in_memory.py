@@ -45,7 +45,7 @@ def dataset() -> Any:
         (arrays() | UNITS | MATERIAL | {"grain_diametre": "1 mm"}, "did you mean grain_diameter?"),
         (
             arrays() | UNITS | MATERIAL | {"density": 1500},
-            "density must be text or None",
+            "density must be text, got 1500",
         ),
         (arrays() | UNITS | MATERIAL | {"surface": ([0], [1])}, "three arrays t, x, y"),
         (arrays() | UNITS | MATERIAL | {"surface": ([0], [1], [1, 2])}, "of one length"),
