@@ -9,8 +9,6 @@ import contextlib
 import dataclasses
 import functools
 import inspect
-import json
-import math
 import os
 import types
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +16,6 @@ from numbers import Integral, Real
 from typing import (
     Any,
     Literal,
-    NoReturn,
     ParamSpec,
     TypeVar,
     Union,
@@ -36,7 +33,6 @@ from granpinn.errors import BadInput
 LONGEST = 200  # characters of a value in a message
 P = ParamSpec("P")
 R = TypeVar("R")
-T = TypeVar("T")
 
 WORDS = {
     float: "a number",
@@ -204,47 +200,6 @@ def words(kind: Any) -> str:
     if isinstance(origin, type) and issubclass(origin, dict):
         return WORDS[dict]
     return WORDS.get(origin) or f"a {origin.__name__}"
-
-
-def parsed(text: str | bytes) -> Any:
-    """The content of strict JSON; ValueError for any other text."""
-    try:
-        return json.loads(text, parse_constant=_refuse, parse_float=_finite)
-    except RecursionError as error:
-        raise ValueError(str(error)) from None
-
-
-def _refuse(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not a JSON number, expected null")
-
-
-def _finite(text: str) -> float:
-    number = float(text)
-    return number if math.isfinite(number) else _refuse(text)
-
-
-def plain(value: Any) -> Any:
-    """JSON values alone of records, paths, and scalars and arrays of NumPy and torch.
-
-    A number that is not finite becomes None.
-    """
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, os.PathLike):
-        return plain(os.fspath(value))
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, str):  # a file name may hold bytes that are not UTF-8; JSON cannot
-        return value.encode(errors="backslashreplace").decode()
-    if value is None or isinstance(value, (bool, int)):
-        return value
-    raise TypeError(f"JSON holds plain values only, got {type(value).__name__}: {value!r}")
 
 
 def _parts(kind: Any) -> tuple[Any, ...]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from bench.machine import describe
 from granpinn.config import Config, ConfigError, fields
-from granpinn.declared import plain
+from granpinn.results.decoding import plain
 
 
 def parse(

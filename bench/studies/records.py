@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from granpinn.declared import plain
 from granpinn.inspection.momentum_balance import Baseline
 from granpinn.results import Result
+from granpinn.results.decoding import plain
 
 
 def records_of(result: Result) -> dict[str, Any]:

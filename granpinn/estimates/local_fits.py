@@ -47,6 +47,12 @@ class LocalFits:
     sd: Float64
     value_sd: Float64
 
+    def on_grid(self, values: Float64, shape: tuple[int, ...]) -> Float64:
+        """Values of the cells [K] on the whole grid [T, Y, X], NaN elsewhere."""
+        grid = np.full(shape, np.nan)
+        grid[self.index] = values
+        return grid
+
 
 def local_fits(
     fields: Sequence[Float64],

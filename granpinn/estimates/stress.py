@@ -297,23 +297,16 @@ def _kinematics(pose: Upright, k: int, half: int) -> tuple[Float64, ...]:
     cells, windows = there.astype(float), _windows(flow, half)
     fit = local_fits([u, v], cells, _spacing(flow, near), windows, 2, frame=before)
     (U, V), ((u_t, v_t), (u_y, v_y), (u_x, v_x)) = fit.value.T, fit.slopes.transpose(1, 2, 0)
-    place = fit.index[1:]
-
-    def on_grid(values: Float64) -> Float64:
-        grid = np.full(u[before].shape, np.nan)
-        grid[place] = values
-        return grid
-
     rest = ((u[fit.index] - U) ** 2 + (v[fit.index] - V) ** 2) / 2
     acceleration = (u_t + U * u_x + V * u_y, v_t + U * v_x + V * v_y)
     strain = ((u_x - v_y) / 2, (u_y + v_x) / 2)
     below = np.nan_to_num(height, nan=-np.inf)[None, :] - flow.y[:, None]
     of_fit = (rest, 1 - fit.value_sd**2, np.hypot(fit.sd[:, 1], fit.sd[:, 2]), U, V)
     return (
-        *map(on_grid, (*acceleration, *strain)),
+        *(fit.on_grid(a, u.shape)[before] for a in (*acceleration, *strain)),
         c[before],
         below,
-        *map(on_grid, of_fit),
+        *(fit.on_grid(a, u.shape)[before] for a in of_fit),
     )
 
 

@@ -1,4 +1,13 @@
-"""A trained network with its law, and what it predicts at any point."""
+r"""A trained network with its law, and what it predicts at any point.
+
+From the network and the identified parameters,
+
+$$ D_2 = \sqrt{D:D}, \quad \dot\gamma = \sqrt{2}\,D_2, \quad I = d\,\dot\gamma/\sqrt{|p|/\rho},
+   \quad \eta = \mu(I)\,p/\dot\gamma \ \text{inside its limits,} $$
+
+the deviatoric stress tau (an output of the network in the mixed form, 2 eta D in the strong form),
+and the residual of the strong momentum equation, for both forms.
+"""
 
 from __future__ import annotations
 

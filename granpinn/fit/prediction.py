@@ -1,12 +1,4 @@
-r"""Evaluate a trained network on the input grid.
-
-At every grid point inside the grains (c = 1), from the network and the identified parameters:
-
-$$ D_2 = \sqrt{D:D}, \quad \dot\gamma = \sqrt{2}\,D_2, \quad I = d\,\dot\gamma/\sqrt{|p|/\rho},
-   \quad \eta = \mu(I)\,p/\dot\gamma \ \text{inside its limits,} $$
-
-the deviatoric stress tau (an output of the network in the mixed form, 2 eta D in the strong form),
-and the residual of the strong momentum equation, for both forms.
+"""The fields of a trained network on the grid of its flow, at all points inside the grains.
 
 The points where grains shear show the law, and give it over their I.
 """

@@ -21,12 +21,12 @@ from granpinn.data import Flow, FlowFileError, FlowFileWarning
 from granpinn.data.large import slabs, thinned
 from granpinn.data.scaling import initial_height, scales_of
 from granpinn.data.symmetry import steady_mean, with_layer, words
-from granpinn.declared import plain
 from granpinn.estimates import confined
 from granpinn.estimates.body import Body, body_of
 from granpinn.estimates.facts import Facts, InertialNumbers, inertial_numbers
 from granpinn.physics.law_values import CompleteLaw
 from granpinn.physics.scales import Scales
+from granpinn.results.decoding import plain
 from granpinn.results.record import (
     FLOW,
     GRADES,

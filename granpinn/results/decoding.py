@@ -1,10 +1,13 @@
-"""Records from the content of JSON, strictly, by cattrs."""
+"""JSON and records: strict text, plain values of records, and back by cattrs."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any, Literal, TypeVar, get_args, get_origin
+import json
+import math
+import os
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, NoReturn, TypeVar, get_args, get_origin
 
 from cattrs import ClassValidationError, Converter, IterableValidationError
 from cattrs.errors import AttributeValidationNote, ForbiddenExtraKeysError
@@ -111,3 +114,44 @@ def _by_name(kind: Any) -> Callable[..., Any]:
         return kind(CONVERTER.structure(value, dict[str, item]))  # type: ignore[valid-type]
 
     return structure
+
+
+def parsed(text: str | bytes) -> Any:
+    """The content of strict JSON; ValueError for any other text."""
+    try:
+        return json.loads(text, parse_constant=_refuse, parse_float=_finite)
+    except RecursionError as error:
+        raise ValueError(str(error)) from None
+
+
+def _refuse(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not a JSON number, expected null")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    return number if math.isfinite(number) else _refuse(text)
+
+
+def plain(value: Any) -> Any:
+    """JSON values alone of records, paths, and scalars and arrays of NumPy and torch.
+
+    A number that is not finite becomes None.
+    """
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, os.PathLike):
+        return plain(os.fspath(value))
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, str):  # a file name may hold bytes that are not UTF-8; JSON cannot
+        return value.encode(errors="backslashreplace").decode()
+    if value is None or isinstance(value, (bool, int)):
+        return value
+    raise TypeError(f"JSON holds plain values only, got {type(value).__name__}: {value!r}")

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granpinn.arrays import Float64
-from granpinn.declared import plain
 from granpinn.errors import BadInput
 from granpinn.output.templates import environment
 from granpinn.results.assessment import reach_of
+from granpinn.results.decoding import plain
 from granpinn.results.parameters import NOT_DETERMINED
 from granpinn.results.record import BAD
 

@@ -26,13 +26,13 @@ import numpy as np
 from granpinn.arrays import Float64, Floats
 from granpinn.config import Level
 from granpinn.data import Truth
-from granpinn.declared import plain
 from granpinn.output import write_text
 from granpinn.output.table import Table, paragraph
 from granpinn.physics.laws import LAWS, FrictionLaw
 from granpinn.physics.terms import Form
 from granpinn.results import export
 from granpinn.results.assessment import Assessment, assess, evidence, reach_of
+from granpinn.results.decoding import plain
 from granpinn.results.parameters import (
     FIELD_ERRORS,
     NOT_DETERMINED,

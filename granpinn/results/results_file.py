@@ -7,11 +7,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from granpinn.declared import checked, parsed
+from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import write_text
 from granpinn.regular import read_text
-from granpinn.results.decoding import decoded
+from granpinn.results.decoding import decoded, parsed
 from granpinn.results.record import record_type
 from granpinn.results.result import FORMAT_NAME, FORMAT_VERSION, Result
 

@@ -16,7 +16,7 @@ import numpy as np
 from granpinn.config import Config, settings
 from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
-from granpinn.declared import plain
+from granpinn.results.decoding import plain
 from granpinn.training.objective import Member, Objective
 
 UNITS = ("length_unit", "time_unit", "density_unit")

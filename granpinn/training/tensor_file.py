@@ -15,8 +15,7 @@ from safetensors import SafetensorError
 from safetensors import torch as safetensors
 from torch import Tensor
 
-from granpinn.declared import parsed
-from granpinn.results.decoding import decoded
+from granpinn.results.decoding import decoded, parsed
 
 LENGTH = 8  # bytes at the start of a safetensors file: the length of its JSON header
 T = TypeVar("T")

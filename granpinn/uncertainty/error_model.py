@@ -44,8 +44,7 @@ from scipy import special
 from scipy.linalg import block_diag
 
 from granpinn.arrays import Float64
-from granpinn.declared import parsed
-from granpinn.results.decoding import decoded
+from granpinn.results.decoding import decoded, parsed
 
 Pair = tuple[float, float]
 

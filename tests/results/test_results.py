@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.declared import plain
 from granpinn.results import (
     ErrorPercent,
     Parameter,
@@ -23,6 +22,7 @@ from granpinn.results import (
     read_results,
     write_results,
 )
+from granpinn.results.decoding import plain
 from granpinn.results.records import Assumed
 from tests.examples import LAW, PARAMETERS, SPARSE, make_result, residuals_with
 

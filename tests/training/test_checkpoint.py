@@ -12,7 +12,7 @@ import pytest
 import torch
 from safetensors import torch as safetensors
 
-from granpinn.declared import plain
+from granpinn.results.decoding import plain
 from granpinn.training import checkpoint
 from granpinn.training.checkpoint import (
     CheckpointError,

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -75,12 +76,7 @@ def reference(
         2,
         periodic=periodic,
     )
-
-    def on_grid(values: Float64) -> Float64:
-        grid = np.full(near.shape, np.nan)
-        grid[fit.index] = values
-        return grid
-
+    on_grid = partial(fit.on_grid, shape=near.shape)
     u, v, p_smooth = map(on_grid, fit.value.T)
     _, (u_y, v_y, _), (u_x, v_x, _) = (
         tuple(map(on_grid, slopes.T)) for slopes in fit.slopes.transpose(1, 0, 2)

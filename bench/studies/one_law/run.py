@@ -35,7 +35,7 @@ from bench.studies.coverage.materials import as_measured, path_of
 from bench.studies.one_law.flows import PAIRS, make_pairs, pair
 from granpinn import Result, identify_many, one_law, read_flow
 from granpinn.config import Config
-from granpinn.declared import plain
+from granpinn.results.decoding import plain
 
 SEED, TWICE = 57, 8
 LONG, NOISE, LARGE_NOISE = 100_000, 0.003, 0.05

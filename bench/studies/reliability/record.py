@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.machine import describe
-from granpinn.declared import plain
+from granpinn.results.decoding import plain
 
 RESULTS = Path(__file__).parent / "results"
 LIBRARIES = ("numpy", "h5py", "safetensors", "scipy", "pillow", "xarray", "pyvista")
