@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,25 +18,27 @@ from granpinn.inspection import inspect
 from tests.flows import make_flow
 
 
-def many_frames() -> Flow:
-    """30,000 frames of 3 x 3 vectors."""
-    t, side = np.linspace(0, 10, 30_000), np.array([0.1, 0.2, 0.3])
-    T, Y, _ = np.meshgrid(t, side, side, indexing="ij")
+def filmed(frames: int, side: int) -> Flow:
+    """Frames of side x side vectors."""
+    t, along = np.linspace(0, 10, frames), np.linspace(0.1, 0.3, side)
+    T, Y, _ = np.meshgrid(t, along, along, indexing="ij")
     noise = 0.01 * np.random.default_rng(0).normal(size=(2, *T.shape))
     u, v = np.float32(np.sin(T) * Y + noise[0]), np.float32(noise[1])
-    line = Surface(np.repeat(t, 3), np.tile(side, len(t)), np.full(3 * len(t), 0.32))
-    made = make_flow(t=t, x=side, y=side, u=u, v=v, c=np.ones_like(u), p=None, surface=line)
+    line = Surface(np.repeat(t, side), np.tile(along, frames), np.full(side * frames, 0.32))
+    made = make_flow(t=t, x=along, y=along, u=u, v=v, c=np.ones_like(u), p=None, surface=line)
     return replace(made, grain_diameter=0.01)
 
 
-def repeated(count: int = 300_000) -> Flow:
-    """A surface line of which nearly all points repeat four of them."""
+def lined(distinct: bool, count: int = 300_000) -> Flow:
+    """A surface line of so many points; if not distinct, nearly all repeat four of them."""
     flow = make_flow(frames=8, rows=27, columns=23)
     line = flow.surface
     assert line is not None
-    some = np.random.default_rng(0).integers(0, 4, count - line.t.size)
-    k = np.concatenate([np.arange(line.t.size), some])
-    return replace(flow, surface=Surface(line.t[k], line.x[k], line.y[k]))
+    n = line.t.size
+    some = np.random.default_rng(0).integers(0, n if distinct else 4, count - n)
+    k = np.concatenate([np.arange(n), some])
+    moved = 1e-3 * np.linspace(0, distinct, count)
+    return replace(flow, surface=Surface(line.t[k], line.x[k] + moved, line.y[k]))
 
 
 def normals(flow: Flow) -> object:
@@ -43,18 +46,24 @@ def normals(flow: Flow) -> object:
     return outward_normals(flow, flow.surface)
 
 
+def seconds(work: Callable[[Flow], object], flow: Flow) -> float:
+    begin = time.process_time()
+    work(flow)
+    return time.process_time() - begin
+
+
 @pytest.mark.parametrize(
-    ("make", "work"),
+    ("make", "usual", "work"),
     [
-        (many_frames, inspect),
-        (repeated, inspect),
-        (repeated, lambda flow: pose(flow, Config())),
-        (repeated, normals),
+        (partial(filmed, 30_000, 3), partial(filmed, 300, 30), inspect),
+        (partial(lined, False), partial(lined, True), inspect),
+        (partial(lined, False), partial(lined, True), lambda flow: pose(flow, Config())),
+        (partial(lined, False), partial(lined, True), normals),
     ],
     ids=["30,000 frames", "repeated points", "training on repeated points", "moved line"],
 )
-def test_it_takes_at_most_3_s(make: Callable[[], Flow], work: Callable[[Flow], object]) -> None:
-    flow = make()
-    begin = time.process_time()
-    work(flow)
-    assert time.process_time() - begin < 3
+def test_it_takes_at_most_3_times_as_long(
+    make: Callable[[], Flow], usual: Callable[[], Flow], work: Callable[[Flow], object]
+) -> None:
+    # The comparison holds on a machine of any speed.
+    assert seconds(work, make()) < 3 * seconds(work, usual())
