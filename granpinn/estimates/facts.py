@@ -100,16 +100,13 @@ def _local_parabolas(offset: Float64, velocity: Float64, reach: Float64) -> tupl
         reach: distance of the farthest [S].
     """
     basis = quadratic_basis([offset[..., 0], offset[..., 1]])
-    left, size, right = np.linalg.svd(basis, full_matrices=False)
-    used = size > 1e-8 * size[:, :1]
-    left = left * used[:, None, :]
-    in_basis = np.swapaxes(left, 1, 2) @ velocity
-    fitted = left @ in_basis
+    inverse = np.linalg.pinv(basis, rcond=1e-8)  # [S, 6, k]
+    coefficients = inverse @ velocity
     freedom = basis.shape[1] - basis.shape[2]
     median = (1 - CHI2_MEDIAN / freedom) ** 3
-    variance: Float64 = np.sum((velocity - fitted) ** 2, axis=1) / (freedom * median)
-    inverse = np.swapaxes(right, 1, 2) * np.where(used, 1 / np.where(used, size, 1), 0)[:, None, :]
-    slopes = (inverse @ in_basis)[:, 1:3] / reach[:, None, None]  # along x and y, of u and v
+    rest = velocity - basis @ coefficients
+    variance: Float64 = np.sum(rest**2, axis=1) / (freedom * median)
+    slopes = coefficients[:, 1:3] / reach[:, None, None]  # along x and y, of u and v
     of_noise = np.square(inverse[:, 1:3]).sum(axis=(1, 2)) / reach**2 * variance.sum(axis=1)
     (u_x, v_x), (u_y, v_y) = slopes.transpose(1, 2, 0)
     return variance, shear_rate(u_x, u_y, v_x, v_y, of_noise)
