@@ -8,7 +8,7 @@ from typing import Any
 import torch
 
 from granpinn.config import Config
-from granpinn.data import Flow, training_set
+from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.fit.case import fixed_values
@@ -16,6 +16,7 @@ from granpinn.physics.laws import LAWS
 from granpinn.training import problem
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Member, Objective
+from granpinn.training.points import training_set
 from granpinn.training.progress import Progress
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer

@@ -12,19 +12,10 @@ from functools import cached_property
 import torch
 
 from granpinn.config import Config, ConfigError
-from granpinn.data import (
-    Flow,
-    add_noise,
-    check_flow,
-    known_sd,
-    read_flow,
-    training_set,
-    with_partial_cells,
-)
+from granpinn.data import Flow, add_noise, check_flow, known_sd, read_flow, with_partial_cells
 from granpinn.data.collocation import LARGEST_PART
 from granpinn.data.flow import Surface
 from granpinn.data.large import available
-from granpinn.data.points import training_sets, vector_count
 from granpinn.data.scaling import scales_of
 from granpinn.data.surface import surface_sd
 from granpinn.data.symmetry import said
@@ -38,6 +29,7 @@ from granpinn.physics.scales import Scales
 from granpinn.results.record import Reason
 from granpinn.training import problem, room
 from granpinn.training.objective import Member
+from granpinn.training.points import training_set, training_sets, vector_count
 
 COPIES = 4  # of a network, for the assumptions of one flow (assumptions.py)
 

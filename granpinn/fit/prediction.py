@@ -12,13 +12,14 @@ import numpy as np
 from torch import Tensor
 
 from granpinn.arrays import Float32, Floats
-from granpinn.data import Flow, TrainingSet, test_grid
+from granpinn.data import Flow
 from granpinn.estimates.confined import undetermined
 from granpinn.fit.case import Case
 from granpinn.fit.network import TrainedNetwork
 from granpinn.physics.scales import Scales
 from granpinn.results import Fields, Result
 from granpinn.results.fields import D2_STAGNANT, shearing
+from granpinn.training.points import TrainingSet, test_grid
 from granpinn.uncertainty.determined import applied, determined, percentiles
 from granpinn.uncertainty.determined import with_curve as curve_over
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from granpinn.arrays import Bool, Floats
 from granpinn.data import Flow
-from granpinn.data.points import relative_l2
 from granpinn.results import ErrorPercent, Fields, Parameter, Parameters
 from granpinn.results.fields import after_start, flowing
+from granpinn.training.points import relative_l2
 
 
 def scalar_error(parameter: Parameter, true: float | None) -> float | None:

@@ -18,13 +18,13 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from granpinn.data import TrainingSet
 from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.terms import NAMES, RESIDUALS
 from granpinn.training import curve_prior
 from granpinn.training.equations import DEPENDS, residuals
 from granpinn.training.features import Features
 from granpinn.training.objective import LAST_LAYER, draw
+from granpinn.training.points import TrainingSet
 from granpinn.training.problem import Problem
 
 BLOCKS = 4  # of columns in `gram`

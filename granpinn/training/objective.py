@@ -18,12 +18,13 @@ import torch
 from torch import Tensor
 
 from granpinn.config import Batch
-from granpinn.data import Flow, TrainingSet
+from granpinn.data import Flow
 from granpinn.kernels import ops
 from granpinn.kernels.step_ops import Draw
 from granpinn.physics.laws import FrictionLaw
 from granpinn.physics.terms import LossPoints
 from granpinn.training.operators import operators_of
+from granpinn.training.points import TrainingSet
 from granpinn.training.problem import Problem
 from granpinn.training.schedule import ControlTable
 

@@ -28,7 +28,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from granpinn.config import Config
-from granpinn.data import Flow, TrainingSet
+from granpinn.data import Flow
 from granpinn.data.flow import SOLVER_CELL, SOLVER_MEAN, WALL_GAP, WINDOW
 from granpinn.data.scaling import inertial_diameter, side_wall_of
 from granpinn.data.symmetry import axes_of, words
@@ -37,6 +37,7 @@ from granpinn.kernels.network import OUTPUTS, NetworkSpec
 from granpinn.physics.constants import AT_REST, Physics
 from granpinn.physics.scales import Scales
 from granpinn.physics.terms import LAW, TERMS
+from granpinn.training.points import TrainingSet
 
 RESOLVED = 1000.0  # n
 MOST_COLUMNS = 25  # more count as so many: the tightest momentum that was tried

@@ -37,7 +37,6 @@ from granpinn.uncertainty.error_model import (
     interval,
     load,
 )
-from granpinn.uncertainty.sensitivity import covariance, unknown
 
 DECISIVE = ("form", "units", "network", "rheology", "weights", "batch", "optimizer")
 
@@ -172,6 +171,16 @@ def scatter(members: Members, names: Sequence[str]) -> Float64:
     return np.asarray(np.cov(values, rowvar=False) / K)
 
 
+def covariance(assumed: Sequence[Assumed], names: Sequence[str]) -> Float64:
+    """The sum of sd^2 (d theta / d a)(d theta / d a)^T over assumptions, [L, L]."""
+    total = np.zeros((len(names), len(names)))
+    for a in assumed:
+        if a.derivative is not None:
+            change = a.sd * np.array([a.derivative[name] for name in names])
+            total += np.outer(change, change)
+    return total
+
+
 def _sd(C: Float64) -> tuple[float, ...]:
     """Standard deviations."""
     return tuple(np.sqrt(np.diag(C)).tolist())
@@ -204,7 +213,7 @@ def judge(
         )
     if known is None:
         return "no grains shear"
-    if missing := unknown(assumed):
+    if missing := [a.name for a in assumed if a.derivative is None]:
         return f"the effect of the {' and '.join(missing)} is not known"
     found = estimate(members, known, load(), assumed)
     if known.real:

@@ -32,10 +32,9 @@ from granpinn.results import Result
 from granpinn.results.records import LawPoints
 from granpinn.uncertainty.curve_error import between
 from granpinn.uncertainty.determined import LARGEST
-from granpinn.uncertainty.error_bars import Estimate, bars_of, known_by, scatter
+from granpinn.uncertainty.error_bars import Estimate, bars_of, covariance, known_by, scatter
 from granpinn.uncertainty.error_model import Known, ends_of, load
 from granpinn.uncertainty.expected import too_noisy
-from granpinn.uncertainty.sensitivity import covariance
 
 DRAWS, SEED = 20_000, 0
 STARTS = (1.0, 0.5, 2.0)  # of I0, over that of the single fits

@@ -43,7 +43,7 @@ class Assumption:
     Attributes:
         record: of the assumption, whose effect is not known yet; its `sd` is positive.
         pair: makes the members with the value one `sd` lower and higher; they have the seed of the
-            trained member and corresponding points (granpinn/data/points.py).
+            trained member and corresponding points (granpinn/training/points.py).
         change: of the value, in the example of the record.
     """
 
@@ -86,21 +86,6 @@ def effects(
         law = trainer.objective.laws[e]
         found[e] = (*found.get(e, ()), _assumed(assumption, law, value, pair[0], pair[1]))
     return found
-
-
-def covariance(assumed: Sequence[Assumed], names: Sequence[str]) -> Float64:
-    """The sum of sd^2 (d theta / d a)(d theta / d a)^T over assumptions, [L, L]."""
-    total = np.zeros((len(names), len(names)))
-    for a in assumed:
-        if a.derivative is not None:
-            change = a.sd * np.array([a.derivative[name] for name in names])
-            total += np.outer(change, change)
-    return total
-
-
-def unknown(assumed: Sequence[Assumed]) -> list[str]:
-    """Names of the assumptions whose effect is not known."""
-    return [a.name for a in assumed if a.derivative is None]
 
 
 def _assumed(

@@ -10,9 +10,10 @@ import numpy.typing as npt
 import pytest
 import torch
 
-from granpinn.data import Flow, TrainingSet, training_set
+from granpinn.data import Flow
 from granpinn.data.collocation import above_ground
 from granpinn.data.scaling import scales_of
+from granpinn.training.points import TrainingSet, training_set
 from tests.data.test_points import FLOW, SCALES, with_gaps
 from tests.flows import make_flow
 

@@ -9,15 +9,11 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.data import (
-    Flow,
-    FlowFileError,
-    check_flow,
-    training_set,
-)
+from granpinn.data import Flow, FlowFileError, check_flow
 from granpinn.data.scaling import scales_of
 from granpinn.fit.prediction import predict
 from granpinn.results.fields import read_fields, write_fields
+from granpinn.training.points import training_set
 from tests.examples import make_network
 from tests.flows import make_flow, scattered
 

@@ -20,11 +20,11 @@ from granpinn.data import (
     check_flow,
     particle_flow,
     read_flow,
-    training_set,
     write_flow,
 )
 from granpinn.data import particles as particles_module
 from granpinn.data.scaling import RESOLUTION, inertial_diameter, scales_of
+from granpinn.training.points import training_set
 from tests import flows
 from tests.flows import make_flow
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.data import Flow, TrainingSet, training_set
+from granpinn.data import Flow
 from granpinn.data.collocation import DENSITY, FINER, LARGEST_PART
 from granpinn.data.flow import Surface
 from granpinn.data.scaling import scales_of
 from granpinn.data.symmetry import axes_of
+from granpinn.training.points import TrainingSet, training_set
 from tests.data.walled import line
 from tests.flows import make_chute
 

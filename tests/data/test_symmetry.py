@@ -19,11 +19,11 @@ from granpinn.data import (
     check_flow,
     particle_flow,
     read_flow,
-    training_set,
     write_flow,
 )
 from granpinn.data.scaling import initial_height, scales_of
 from granpinn.data.symmetry import axes_of, invariant_axes, same_along_x, with_layer, words
+from granpinn.training.points import training_set
 from tests.flows import make_chute, make_flow
 
 ALL_FRAMES = 4

@@ -9,18 +9,12 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.data import (
-    Flow,
-    FlowFileWarning,
-    Walls,
-    check_flow,
-    training_set,
-    with_partial_cells,
-)
+from granpinn.data import Flow, FlowFileWarning, Walls, check_flow, with_partial_cells
 from granpinn.data.outline import outline
 from granpinn.data.scaling import scales_of
 from granpinn.data.wall_points import walls_of
 from granpinn.data.walls import crossed, samples, segments_of
+from granpinn.training.points import training_set
 from tests.data.walled import FLOOR, NAN, full, line, single
 from tests.flows import make_chute
 

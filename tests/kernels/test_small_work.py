@@ -14,12 +14,12 @@ from torch import Tensor
 
 from granpinn import reference
 from granpinn.config import Config
-from granpinn.data import training_set
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.physics.laws import DEFAULT, LAWS
 from granpinn.training.objective import Member, Objective
 from granpinn.training.optimise import ParameterGroup
+from granpinn.training.points import training_set
 from granpinn.training.problem import build
 from granpinn.training.schedule import HEALTHY, Schedule
 from granpinn.training.trainer import Trainer

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.data import training_set
 from granpinn.data.scaling import RESOLUTION, scales_of
 from granpinn.physics.axes import Axes
+from granpinn.training.points import training_set
 from tests.flows import make_flow
 
 

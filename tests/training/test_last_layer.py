@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from granpinn import identify
-from granpinn.data import Flow, TrainingSet
+from granpinn.data import Flow
 from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec, initial_parameters, layer_offsets
 from granpinn.physics.constants import Physics
@@ -23,6 +23,7 @@ from granpinn.training.features import Features, coefficients, with_coefficients
 from granpinn.training.last_layer import ITERATIONS, factor, improve, iterate, last_layer
 from granpinn.training.last_layer_sums import Data, Sums, Unknowns, choose, velocity_moments
 from granpinn.training.objective import Member
+from granpinn.training.points import TrainingSet
 from granpinn.training.problem import Problem
 from tests.runs import tiny
 

@@ -10,12 +10,13 @@ from torch import Tensor
 
 from granpinn import reference
 from granpinn.config import Batch, Config
-from granpinn.data import Flow, training_set
+from granpinn.data import Flow
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.kernels import ops
 from granpinn.training import problem
 from granpinn.training.objective import INTERIOR, SURFACE, Evaluation, Objective
+from granpinn.training.points import training_set
 from granpinn.training.problem import NO_NOISE, Problem, VelocityNoise, with_wall_friction
 from granpinn.training.trainer import Trainer
 from tests.runs import make_trainer, tiny

@@ -13,10 +13,10 @@ from granpinn.arrays import Float64
 from granpinn.config import Batch
 from granpinn.data import FlowFileError
 from granpinn.data.flow import Source
-from granpinn.data.points import source_at
 from granpinn.fit.case import Case, pose
 from granpinn.training.objective import Objective
 from granpinn.training.operators import COMPILED, IN_TORCH
+from granpinn.training.points import source_at
 from tests.data.walled import line
 from tests.flows import make_flow
 from tests.runs import tiny

@@ -23,7 +23,8 @@ from granpinn.results.records import Assumed
 from granpinn.uncertainty import sensitivity
 from granpinn.uncertainty.error_bars import judge
 from granpinn.uncertainty.error_model import Known
-from granpinn.uncertainty.sensitivity import Assumption, covariance, effects
+from granpinn.uncertainty.error_bars import covariance
+from granpinn.uncertainty.sensitivity import Assumption, effects
 from tests.examples import make_result
 from tests.flows import make_flow
 from tests.runs import make_trainer, tiny
@@ -41,7 +42,6 @@ def test_the_covariance_of_assumptions() -> None:
     np.testing.assert_allclose(covariance([LINE, other], ("mu_s", "mu_2")), expected)
     lost = dataclasses.replace(LINE, derivative=None)
     assert not covariance([lost], ("mu_s", "mu_2")).any()
-    assert sensitivity.unknown([LINE, lost]) == ["surface line"]
 
 
 def test_no_error_bars_where_an_effect_is_not_known() -> None:

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from granpinn.data import Flow, TrainingSet, training_set
+from granpinn.data import Flow
 from granpinn.data.outline import surface_of
-from granpinn.data.points import training_sets
 from granpinn.data.scaling import scales_of
+from granpinn.training.points import TrainingSet, training_set, training_sets
 from tests.data.walled import line, single
 from tests.flows import make_chute, make_flow
 

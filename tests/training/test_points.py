@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from granpinn.data import Flow, FlowFileError, training_set
+from granpinn.data import Flow, FlowFileError
 from granpinn.data.outline import outline
 from granpinn.data.scaling import RESOLUTION, scales_of
+from granpinn.training.points import training_set
 from tests.flows import make_flow
 
 FLOW = make_flow()
