@@ -40,8 +40,18 @@ def test_unknown_name_is_refused_with_the_known_ones() -> None:
             "from granpinn.commands import train; train.main(['--help'])",
             ("torch", "scipy", "h5py", "matplotlib"),
         ),
+        (
+            "from granpinn.commands.shared.cli import VERBS, command; "
+            "[command(verb).parser() for verb in VERBS]",
+            ("torch", "scipy.spatial", "scipy.ndimage", "matplotlib", "pandas", "pint"),
+        ),
+        (
+            "import granpinn; flow = granpinn.simulate(cells=64, frames=5, t_end=0.5); "
+            "granpinn.inspect(flow)",
+            ("torch", "matplotlib"),
+        ),
     ],
-    ids=["import", "commands", "help"],
+    ids=["import", "commands", "help", "parsers", "inspection"],
 )
 def test_large_libraries_are_loaded_when_they_are_needed(
     code: str, unloaded: tuple[str, ...]

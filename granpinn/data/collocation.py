@@ -18,7 +18,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from granpinn.arrays import Bool, Float64, Floats, Index
 from granpinn.data.flow import Flow
@@ -194,10 +194,12 @@ def _below(
             continue
         now = slice(None) if steady else slice(ends[k], ends[k + 1])
         vectors = points[now, :2]
-        distance, index = cKDTree(vectors).query(surface[here, :2], distance_upper_bound=farthest)
+        distance, index = scipy.spatial.cKDTree(vectors).query(
+            surface[here, :2], distance_upper_bound=farthest
+        )
         found = np.isfinite(distance)
         nearest[here[found]] = vectors[index[found]]
         if len(here) > 2:
-            gaps, _ = cKDTree(surface[here, :2]).query(surface[here, :2], k=3)
+            gaps, _ = scipy.spatial.cKDTree(surface[here, :2]).query(surface[here, :2], k=3)
             width[here] = gaps[:, 1:].mean(axis=1)
     return nearest, width

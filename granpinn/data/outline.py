@@ -18,7 +18,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import SOLVER_CELL, Flow, FlowFileError, Surface
@@ -218,8 +218,8 @@ def _beside(along: Float64, up: Float64, full: Bool, line: Float64) -> Bool:
         return np.zeros_like(full)
     cells = np.stack(np.broadcast_arrays(along[None, :], up[:, None]), -1)
     grains = np.stack([along[columns], up[rows]], 1)
-    nearest = line[cKDTree(line).query(cells)[1]]
-    inside = grains[cKDTree(grains).query(cells)[1]] - nearest
+    nearest = line[scipy.spatial.cKDTree(line).query(cells)[1]]
+    inside = grains[scipy.spatial.cKDTree(grains).query(cells)[1]] - nearest
     return np.asarray(np.sum((cells - nearest) * inside, axis=-1) > 0)
 
 
@@ -231,7 +231,7 @@ def _behind(flow: Flow, segments: Segments, partial: Bool) -> Bool:
     for k in np.flatnonzero(np.diff(edges)):
         full, own = _places(flow, *np.nonzero(flow.c[k] >= 1)), slice(edges[k], edges[k + 1])
         if len(full):
-            nearest[own] = full[cKDTree(full).query(here[own])[1]]
+            nearest[own] = full[scipy.spatial.cKDTree(full).query(here[own])[1]]
     behind = np.zeros_like(partial)
     behind[cells] = crossed(here, nearest, segments)
     return behind

@@ -10,6 +10,7 @@ import math
 from typing import Any
 
 import numpy as np
+import scipy
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Index, nearest
 from granpinn.data.flow import Flow, FlowFileError, Particles
@@ -72,21 +73,19 @@ def grid_view(particles: Particles) -> dict[str, Any]:
 
 def closed(occupied: Bool) -> Bool:
     """Cells [Y, X] that hold grains: those with vectors, and gaps of up to two cells."""
-    from scipy.ndimage import binary_closing  # slow to import, and only particles need it
 
-    grown = binary_closing(np.pad(occupied, 3), structure=np.ones((3, 3), bool))
+    grown = scipy.ndimage.binary_closing(np.pad(occupied, 3), structure=np.ones((3, 3), bool))
     return np.asarray(grown[3:-3, 3:-3] | occupied)
 
 
 def _cell_size(particles: Particles, frame: Index, n_frames: int) -> float:
     """Width of the cells, from the distance between neighbors in a few frames."""
-    from scipy.spatial import cKDTree
 
     distances = []
     for k in np.unique(np.linspace(0, n_frames - 1, _SAMPLED_FRAMES).astype(int)):
         points = np.unique(np.stack([particles.x, particles.y], -1)[frame == k], axis=0)
         if len(points) > 1:
-            distances.append(cKDTree(points).query(points, k=2)[0][:, 1])
+            distances.append(scipy.spatial.cKDTree(points).query(points, k=2)[0][:, 1])
     found = np.concatenate(distances) if distances else np.empty(0)
     width, height = (float(np.ptp(a)) for a in (particles.x, particles.y))
     if found.size == 0 or not width > 0 or not height > 0:

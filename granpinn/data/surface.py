@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from granpinn.arrays import Bool, Float64, Floats, Index, nearest
 from granpinn.data.flow import SOLVER_CELL, SURFACE_SD, Flow, Surface
@@ -100,7 +100,7 @@ def outward_normals(flow: Flow, surface: Surface) -> Float64:
         grains = vectors[int(np.argmin(np.abs(frames - times[k])))]
         away = np.broadcast_to(up, points.shape)
         if len(grains):
-            near = cKDTree(grains).query(points, min(GRAINS, len(grains)))[1]
+            near = scipy.spatial.cKDTree(grains).query(points, min(GRAINS, len(grains)))[1]
             away = points - grains[near.reshape(len(points), -1)].mean(axis=1)
         side = np.sign(np.sum(normals * away, axis=1))
         found[now] = normals * np.where(side == 0, 1.0, side)[:, None]
@@ -112,7 +112,7 @@ def _normals(points: Float64, up: Float64) -> Float64:
     places, place = np.unique(points, axis=0, return_inverse=True)  # points may repeat
     if len(places) < 3:
         return np.broadcast_to(up, points.shape)
-    near = places[cKDTree(places).query(places, min(ON_LINE, len(places)))[1]]
+    near = places[scipy.spatial.cKDTree(places).query(places, min(ON_LINE, len(places)))[1]]
     around = near - near.mean(axis=1, keepdims=True)
     spread = np.einsum("nki,nkj->nij", around, around)
     return np.asarray(np.linalg.eigh(spread)[1][:, :, 0])[place]
@@ -171,10 +171,9 @@ def _share_of_fractions(flow: Flow, surface: Surface) -> float:
 
 def _c_at(flow: Flow, surface: Surface, shift: Float64, order: int = 1) -> Floats:
     """c at the points of the line after a shift [n, 2]; order 1: linear, 0: of the nearest cell."""
-    from scipy.ndimage import map_coordinates  # slow to import
 
     row = np.interp(surface.y + shift[:, 1], flow.y, np.arange(flow.y.size))
     column = np.interp(surface.x + shift[:, 0], flow.x, np.arange(flow.x.size))
     places = np.stack([nearest(flow.t, surface.t), row, column])
-    found: Floats = map_coordinates(flow.c, places, order=order, mode="nearest")
+    found: Floats = scipy.ndimage.map_coordinates(flow.c, places, order=order, mode="nearest")
     return found

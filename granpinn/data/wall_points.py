@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow, Walls
@@ -78,7 +78,7 @@ def _touch_in(
     velocities = np.stack([a[frame][rows, columns] for a in (flow.u, flow.v)], 1).astype(np.float64)
     speed = np.sqrt(np.mean(np.square(velocities).sum(axis=1)))
     point = _between(segments.ends[k], part)
-    distance, nearest = cKDTree(place).query(point, k=NEAR)
+    distance, nearest = scipy.spatial.cKDTree(place).query(point, k=NEAR)
     nearest = np.minimum(nearest, len(place) - 1)  # infinitely far where there are fewer
     step = place[nearest] - point[:, None]
     wet = distance[:, 0] <= REACH * spacing

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Walls
@@ -158,7 +158,7 @@ def _close(start: Float64, end: Float64, segments: Segments) -> Iterator[tuple[I
     owner = np.repeat(np.arange(len(count)), count)
     part = (np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[owner]
     a, b = segments.ends[owner].swapaxes(0, 1)
-    tree = cKDTree(a + part[:, None] * (b - a))
+    tree = scipy.spatial.cKDTree(a + part[:, None] * (b - a))
     middle, far = (
         (start + end) / 2,
         (1 + 1e-6) * (reach + float(np.max(segments.length / count)) / 2),

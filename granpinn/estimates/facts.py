@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from granpinn.arrays import Bool, Float64
 from granpinn.data import Flow, known_sd
@@ -72,7 +72,7 @@ def particle_fits(
         points = np.stack([x[members], y[members]], axis=-1)
         stride = max(1, members.size * len(picked) // SAMPLES)
         centers = np.arange(0, members.size, stride)
-        distance, near = cKDTree(points).query(points[centers], k=NEIGHBORS)
+        distance, near = scipy.spatial.cKDTree(points).query(points[centers], k=NEIGHBORS)
         reach = np.maximum(distance[:, -1], np.finfo(float).tiny)
         offset = (points[near] - points[centers][:, None]) / reach[:, None, None]
         variance, rate = _local_parabolas(offset, np.stack([u, v], -1)[members][near], reach)

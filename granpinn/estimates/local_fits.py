@@ -18,7 +18,7 @@ from functools import cache
 from itertools import combinations_with_replacement
 
 import numpy as np
-from scipy.ndimage import correlate1d
+import scipy
 
 from granpinn.arrays import Bool, Float64, Index
 
@@ -86,7 +86,9 @@ def local_fits(
             values = np.tensordot(factors, values[near + frame], 1)[None]
         for axis in axes if frame is None else [axis for axis in axes if axis > 0]:
             mode = "wrap" if periodic and axis == 2 else "constant"
-            values = correlate1d(values, offsets[axis] ** powers[axis], axis=axis, mode=mode)
+            values = scipy.ndimage.correlate1d(
+                values, offsets[axis] ** powers[axis], axis=axis, mode=mode
+            )
         return np.asarray(values[index])
 
     @cache
@@ -151,7 +153,7 @@ def line_slopes(values: Float64, window: int, spacing: float) -> Float64:
     half = (min(window, count + count % 2 - 1)) // 2
     places = np.arange(-half, half + 1.0)
     _, slope, curvature = np.linalg.pinv(quadratic_basis([places])) / spacing
-    found = correlate1d(values, slope, axis=-1)
+    found = scipy.ndimage.correlate1d(values, slope, axis=-1)
     towards_start = slope + 2 * places[:half, None] * curvature
     towards_end = slope + 2 * places[half + 1 :, None] * curvature
     found[..., :half] = values[..., : 2 * half + 1] @ towards_start.T

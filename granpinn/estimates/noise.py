@@ -39,7 +39,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from granpinn.arrays import Float64, Index, Int8
 from granpinn.estimates.gradients import View
@@ -195,7 +195,7 @@ def _prediction(data: _Vectors, patch: Index, frames: list[Index]) -> Float64:
     others = others[((points >= lower - margin) & (points <= upper + margin)).all(axis=1)]
     if others.size < NEIGHBORS:
         return np.full((patch.size, 2), np.nan)
-    distance, found = cKDTree(data.place[others]).query(place, k=NEIGHBORS)
+    distance, found = scipy.spatial.cKDTree(data.place[others]).query(place, k=NEIGHBORS)
     near = others[found]
     size = np.maximum(distance[:, -1:], np.finfo(float).tiny)
     dx, dy = ((data.place[near, axis] - place[:, axis, None]) / size for axis in (0, 1))
@@ -221,7 +221,9 @@ def _partners(data: _Vectors, k: int, patch: Index) -> Index:
     inside[:-1] = -1
     inside[np.searchsorted(own, patch)] = np.arange(patch.size)
     wanted = MOST_PARTNERS + 1
-    _, near = cKDTree(data.place[own]).query(data.place[patch], k=[*range(2, wanted + 1)])
+    _, near = scipy.spatial.cKDTree(data.place[own]).query(
+        data.place[patch], k=[*range(2, wanted + 1)]
+    )
     return np.asarray(inside[near])
 
 

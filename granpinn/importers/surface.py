@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import binary_erosion, binary_fill_holes, gaussian_filter, label
+import scipy
 
 from granpinn.arrays import Bool, Float64, nearest
 from granpinn.data.flow import Surface
@@ -67,7 +67,7 @@ def from_fraction(
     up = {1: -gravity[1] / g, 2: -gravity[0] / g}  # cosine of each axis with the vertical
     ever = (c > HALF).any(axis=0)
     if jitter:
-        ever = binary_erosion(ever, iterations=jitter, border_value=1)
+        ever = scipy.ndimage.binary_erosion(ever, iterations=jitter, border_value=1)
     points = []
     for axis, coordinate in ((1, y), (2, x)):
         low = np.moveaxis(c, axis, 0)[:-1]
@@ -232,7 +232,7 @@ def surface_of_grains(
     for place, k in zip(c, kept, strict=True):
         now = slice(ends[k], ends[k + 1])
         counts, *_ = np.histogram2d(y[now], x[now], bins=(edges[1], edges[0]))
-        density = gaussian_filter(counts, h / cell, mode="reflect")
+        density = scipy.ndimage.gaussian_filter(counts, h / cell, mode="reflect")
         inside = density[counts > 0]
         bulk = float(np.quantile(inside, BULK)) if inside.size else 0.0
         if bulk > 0:
@@ -249,8 +249,8 @@ def without_holes(c: Float64, up: Float64) -> Float64:
     walls = [(int(-t < CELL), int(t < CELL)) for t in (up[1], up[0])]
     grown = np.pad(c > HALF, walls, constant_values=True)
     inner = tuple(slice(a, n - b) for (a, b), n in zip(walls, grown.shape, strict=True))
-    filled = binary_fill_holes(grown)[inner]
-    bodies, count = label(filled)
+    filled = scipy.ndimage.binary_fill_holes(grown)[inner]
+    bodies, count = scipy.ndimage.label(filled)
     if count == 0:
         return c
     sizes = np.bincount(bodies.ravel())[1:]

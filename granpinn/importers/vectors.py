@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import binary_fill_holes
+import scipy
 
 from granpinn.arrays import Bool, Int8, plain_array
 from granpinn.data.particles import closed
@@ -235,4 +235,4 @@ def split_gaps(measured: Bool) -> Int8:
 
 def grains_around(measured: Bool) -> Any:
     """Cells [Y, X] with a vector or among vectors."""
-    return binary_fill_holes(closed(measured))
+    return scipy.ndimage.binary_fill_holes(closed(measured))

@@ -40,8 +40,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
-from scipy.linalg import block_diag
+import scipy
 
 from granpinn.arrays import Float64
 from granpinn.results.decoding import decoded, parsed
@@ -151,7 +150,7 @@ class ErrorModel:
 
     def half_width(self, share: float = 0.9) -> float:
         """Half of the central part of Student's distribution, in standard deviations s."""
-        return float(special.stdtrit(self.freedom, (1 + share) / 2))
+        return float(scipy.special.stdtrit(self.freedom, (1 + share) / 2))
 
     def sd(self, known: Known) -> Float64:
         """s of log mu at both ends in simulated flows of mu(I) [2]."""
@@ -189,7 +188,7 @@ class ErrorModel:
         tilt = self.tilt**2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
         real = np.repeat([known.real for known in flows], 2)
         departure = np.kron(level, both) + np.kron(alone, tilt)
-        return block_diag(*map(self.method, flows)), np.outer(real, real) * departure
+        return scipy.linalg.block_diag(*map(self.method, flows)), np.outer(real, real) * departure
 
     def outside(self, known: Known) -> tuple[str, ...]:
         """The quantities beyond the range of the fit, in words."""

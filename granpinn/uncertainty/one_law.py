@@ -23,7 +23,7 @@ from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
+import scipy
 
 from granpinn.arrays import Float64
 from granpinn.errors import CannotGoOn
@@ -180,13 +180,13 @@ def _gathered(results: Sequence[Result], flows: Sequence[Known], I0_free: bool) 
             y.append(np.array(points.log_mu))
             own.append(np.array(points.covariance))
         by_ends.append(between(I[-1], result.law.I_range))
-    J = block_diag(*by_ends)
+    J = scipy.linalg.block_diag(*by_ends)
     parts = dict(zip(("method", "grains"), load().of_flows(flows), strict=True))
     for name, of in (("scatter", _scatter), ("assumptions", _assumptions)):
         at_ends = [f.slopes @ of(r) @ f.slopes.T for f, r in zip(flows, results, strict=True)]
-        parts[name] = block_diag(*at_ends)
+        parts[name] = scipy.linalg.block_diag(*at_ends)
     parts = {name: J @ part @ J.T for name, part in parts.items()}
-    parts["method"] += block_diag(*own)
+    parts["method"] += scipy.linalg.block_diag(*own)
     counts = [len(v) for v in I]
     return Gathered(np.concatenate(I), np.concatenate(y), parts, counts, by_ends)
 

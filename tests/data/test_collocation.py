@@ -14,8 +14,8 @@ from granpinn.data import Flow
 from granpinn.data.collocation import above_ground
 from granpinn.data.scaling import scales_of
 from granpinn.training.points import TrainingSet, training_set
-from tests.data.test_points import FLOW, SCALES, with_gaps
 from tests.flows import make_flow
+from tests.training.test_points import FLOW, SCALES, with_gaps
 
 
 def collocated(flow: Flow, share: float, dtype: torch.dtype = torch.float64) -> TrainingSet:

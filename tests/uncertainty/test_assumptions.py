@@ -21,9 +21,8 @@ from granpinn.identification.identify import identify, identify_many
 from granpinn.kernels.builds import choose_device
 from granpinn.results.records import Assumed
 from granpinn.uncertainty import sensitivity
-from granpinn.uncertainty.error_bars import judge
+from granpinn.uncertainty.error_bars import covariance, judge
 from granpinn.uncertainty.error_model import Known
-from granpinn.uncertainty.error_bars import covariance
 from granpinn.uncertainty.sensitivity import Assumption, effects
 from tests.examples import make_result
 from tests.flows import make_flow

@@ -48,10 +48,10 @@ TESTS = {
         "tests/inspection/test_side_walls.py",
         "tests/identification/test_side_walls.py",
     ],
-    "walls": ["tests/data/test_walls.py", "tests/data/test_variants.py"],
+    "walls": ["tests/data/test_walls.py", "tests/training/test_variants.py"],
     "strip": [
         "tests/data/test_surface_strip.py",
-        "tests/data/test_variants.py",
+        "tests/training/test_variants.py",
         "tests/fit/test_loss.py",
     ],
 }
