@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from granpinn.estimates.confined import undetermined
-from granpinn.fit.case import Case
-from granpinn.fit.context import Context
 from granpinn.inspection.momentum_balance import I0, Baseline, Point
 from granpinn.results import Parameters, Result
 from granpinn.results.record import BAD, CARE, GOOD, Check, Reason, Record
 from granpinn.results.result import friction_sd
+
+if TYPE_CHECKING:  # a record is read without torch
+    from granpinn.fit.case import Case
+    from granpinn.fit.context import Context
 
 SIGNIFICANT = 3.0  # standard errors between the momentum balance and the law
 CARRIED = "more than the base carries the grains, and the forces of walls are not known"

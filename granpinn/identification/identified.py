@@ -15,8 +15,6 @@ import numpy.typing as npt
 from granpinn.arrays import Float32, Float64
 from granpinn.declared import checked
 from granpinn.errors import BadInput
-from granpinn.fit.network import TrainedNetwork
-from granpinn.fit.network_file import FILE, read_network, write_network
 from granpinn.output import make_folder
 from granpinn.results import (
     Fields,
@@ -31,6 +29,7 @@ from granpinn.training.history import History, read_history, row_of
 
 if TYPE_CHECKING:
     from granpinn.figures.plots import Plots
+    from granpinn.fit.network import TrainedNetwork
 
 
 class Identification(Result):
@@ -79,7 +78,9 @@ class Identification(Result):
     @cached_property
     def network(self) -> TrainedNetwork:
         """The trained network with its law, which predicts at any point."""
-        return read_network(self._file(FILE))
+        from granpinn.fit import network_file  # torch is slow to import
+
+        return network_file.read_network(self._file(network_file.FILE))
 
     @cached_property
     def grid(self) -> Fields:
@@ -127,12 +128,14 @@ class Identification(Result):
             BadInput: the folder holds a run, or this result lacks a part.
             OutputError: the folder cannot be made or written to.
         """
+        from granpinn.fit import network_file
+
         path = Path(folder)
         if (path / "results.json").exists():
             raise BadInput(f"{path} already holds a run (results.json): choose another folder")
         network, fields, history = self.network, self.grid, self.history
         make_folder(path)
-        write_network(network, path / FILE)
+        network_file.write_network(network, path / network_file.FILE)
         write_fields(fields, path / "fields.h5")
         table = History(path / "history.csv", self.friction_law)
         table.begin(row_of(self.friction_law, row) for row in zip(*history.values(), strict=True))

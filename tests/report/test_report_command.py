@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -48,6 +50,16 @@ def test_a_folder_with_results_alone_gives_a_page(tmp_path: Path) -> None:
     assert "script" not in page.tags
     assert "Course of the training: history.csv does not exist" in page.text
     assert "μs 0.410 ± 0.012" in page.text
+
+
+def test_a_run_is_read_and_drawn_without_torch(run_dir: Path) -> None:
+    assert "momentum_balance" in load(run_dir).checks
+    code = (
+        "import sys, granpinn; result = granpinn.load(sys.argv[1]); print(result.export('json'))\n"
+        "result.report(); assert 'torch' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code, str(run_dir)], check=True)
+    assert (run_dir / "report.html").exists()
 
 
 def test_damaged_fields_are_said_and_their_old_figures_removed(run_dir: Path) -> None:
