@@ -54,9 +54,9 @@ SMALL = {
 
 # What each of them makes large: settings, and frames, rows and columns of the flow.
 LARGE: dict[str, tuple[dict[str, Any], tuple[int, int, int]]] = {
-    "members": ({"network.widths": [96, 96, 16], "members": 80}, (6, 12, 10)),
+    "members": ({"network.widths": [224, 224, 16], "members": 16}, (6, 12, 10)),
     "batches": ({"batch.interior": 1_500_000}, (6, 12, 10)),
-    "points": ({"batch.collocation": 100}, (12, 40, 40)),
+    "points": ({"batch.collocation": 50}, (12, 40, 40)),
 }
 
 
