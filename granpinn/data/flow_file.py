@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import mmap
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,16 +26,19 @@ from granpinn.data.schema import (
     FIELDS,
     FORMAT_NAME,
     FORMAT_VERSION,
+    GRID,
     MOST_IN_MEMORY,
     OF_FLOW,
     RECORDS,
     TRUTH,
     WRITE_HINT,
+    DatasetRule,
     Units,
     arrays_of,
     attribute,
     attributes_of,
     check_conventions,
+    check_format,
     check_layout,
 )
 from granpinn.declared import checked
@@ -139,7 +143,8 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
 
 def _read(path: Path, max_bytes: int) -> Flow:
     file = read_hdf5(path, [*DATASETS, MOVING_WALLS], max_bytes, _RAISE)
-    _check_version(file)
+    remedy = f"{WRITE_HINT}, or update granpinn"
+    check_format(file.attributes, FORMAT_NAME, FORMAT_VERSION, remedy)
     if MOVING_WALLS in file.datasets:
         raise FlowFileError(
             f"{MOVING_WALLS} must not be there, as walls stay in their place: leave out the pieces "
@@ -206,23 +211,6 @@ def _arrays(file: Hdf5File, units: Units) -> dict[type, dict[str, Any]]:
         }
 
 
-def _check_version(file: Hdf5File) -> None:
-    name = attribute(file.attributes, "format_name", str)
-    if name != FORMAT_NAME:
-        found = "nothing" if name is None else repr(name[:40])
-        raise FlowFileError(
-            f"the attribute format_name must be '{FORMAT_NAME}', got {found}: this is another "
-            f"kind of HDF5 file; {WRITE_HINT}"
-        )
-    version = attribute(file.attributes, "format_version", list)
-    if version != [FORMAT_VERSION]:
-        found = "nothing" if version is None else ", ".join(f"{value:g}" for value in version[:4])
-        raise FlowFileError(
-            f"the attribute format_version must be {FORMAT_VERSION}, got {found}: update "
-            f"granpinn or {WRITE_HINT}"
-        )
-
-
 FRAMES_PER_CHUNK = 10
 ROWS_PER_CHUNK = 100_000
 _PACKED = {"compression": "gzip", "shuffle": True}
@@ -247,53 +235,50 @@ def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
             "a flow file has no place for the source term of a flow, got a flow with one: keep it "
             "in memory"
         )
-    with hdf5_file(path) as file:
-        _write_attributes(file, flow)
-        _write_arrays(file, flow)
-
-
-def _write_attributes(file: h5py.File, flow: Flow) -> None:
+    arrays = arrays_of(flow)
+    units = Units(flow.length_unit, flow.time_unit, flow.density_unit)
     values = {
-        **attributes_of(flow),
+        **{name: value for name, value in attributes_of(flow).items() if name not in arrays},
         "format_name": FORMAT_NAME,
         "format_version": FORMAT_VERSION,
         "gravity": np.asarray(flow.gravity, dtype=np.float64),
     }
+    packed = sum(array.nbytes for array in arrays.values()) <= MOST_IN_MEMORY
+    with hdf5_file(path) as file:
+        write_attributes(file, values)
+        for name, rule in DATASETS.items():
+            if name not in arrays:
+                continue
+            shape = arrays[name].shape
+            options: dict[str, Any] = {}
+            if packed and rule.axes == ("N",):
+                options = {"chunks": (min(ROWS_PER_CHUNK, *shape),), **_PACKED}
+            elif packed and rule.axes == GRID:
+                options = {"chunks": (min(FRAMES_PER_CHUNK, shape[0]), *shape[1:]), **_PACKED}
+            add_dataset(file, rule, units, data=arrays[name], **options)
+
+
+def add_dataset(
+    file: h5py.File, rule: DatasetRule, units: Units, /, **options: Any
+) -> h5py.Dataset:
+    """Adds a dataset with its attributes and the scales of its axes, which are added before it."""
+    dataset = file.create_dataset(rule.name, **options)
+    write_attributes(dataset, rule.described(units))
+    if rule.name in _SCALES.values():
+        dataset.make_scale(rule.name.rpartition("/")[2])
+        return dataset
+    for dimension, axis in zip(dataset.dims, rule.axes, strict=True):
+        dimension.attach_scale(file[_SCALES[axis]])
+    return dataset
+
+
+def write_attributes(place: h5py.File | h5py.Dataset, values: Mapping[str, Any]) -> None:
+    """Writes texts and numbers; None is left out."""
     for name, value in sorted(values.items()):  # equal flows make equal files
         if isinstance(value, str):
-            _write_text(file, name, value)
-        elif value is not None and not (name.startswith("sigma_") and np.ndim(value)):
-            file.attrs[name] = int(value) if isinstance(value, bool) else value
-
-
-def _write_arrays(file: h5py.File, flow: Flow) -> None:
-    arrays = arrays_of(flow)
-    packed = sum(array.nbytes for array in arrays.values()) <= MOST_IN_MEMORY
-    for rule in DATASETS.values():
-        if rule.name not in arrays:
-            continue
-        array = arrays[rule.name]
-        options: dict[str, Any] = {}
-        if packed and rule.axes == ("N",):
-            options = {"chunks": (min(ROWS_PER_CHUNK, array.size),), **_PACKED}
-        elif packed and array.ndim == 3:
-            chunks = (min(FRAMES_PER_CHUNK, array.shape[0]), *array.shape[1:])
-            options = {"chunks": chunks, **_PACKED}
-        dataset = file.create_dataset(rule.name, data=array, **options)
-        unit = Units(flow.length_unit, flow.time_unit, flow.density_unit).of(rule.quantity)
-        if unit is not None:
-            _write_text(dataset, "units", unit)
-    for name in _SCALES.values():
-        if name in arrays:
-            file[name].make_scale(name.rpartition("/")[2])
-    for rule in DATASETS.values():
-        if rule.name in arrays and rule.name not in _SCALES.values():
-            for axis, axis_name in enumerate(rule.axes):
-                file[rule.name].dims[axis].attach_scale(file[_SCALES[axis_name]])
-
-
-def _write_text(place: h5py.File | h5py.Dataset, name: str, text: str) -> None:
-    """Writes a fixed-length string: HDF5 hangs on some damaged variable-length ones."""
-    encoded = text.encode()
-    kind = h5py.string_dtype("utf-8", max(len(encoded), 1))
-    place.attrs.create(name, np.array(encoded, dtype=kind), dtype=kind)
+            # Of fixed length: HDF5 hangs on some damaged strings of variable length.
+            encoded = value.encode()
+            kind = h5py.string_dtype("utf-8", max(len(encoded), 1))
+            place.attrs.create(name, np.array(encoded, dtype=kind), dtype=kind)
+        elif value is not None:
+            place.attrs[name] = int(value) if isinstance(value, bool) else value

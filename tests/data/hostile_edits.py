@@ -202,9 +202,9 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         lambda f: f.attrs.create("format_name", np.array([b"a", b"b"])),
         "format_name must be one text",
     ),
-    "no name": (lambda f: f.attrs.pop("format_name"), "got nothing"),
+    "no name": (lambda f: f.attrs.pop("format_name"), "got None"),
     "newer version": (lambda f: f.attrs.create("format_version", 2), "format_version must be 1"),
-    "no version": (lambda f: f.attrs.pop("format_version"), "got nothing"),
+    "no version": (lambda f: f.attrs.pop("format_version"), "got None"),
     "density as text": (lambda f: f.attrs.create("density", np.bytes_("2")), "density must be a n"),
     "density as reference": (
         lambda f: f.attrs.create("density", f["u"].ref, dtype=h5py.ref_dtype),
