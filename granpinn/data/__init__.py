@@ -1,4 +1,4 @@
-"""Flows: files, rules, synthetic noise, and the points of training and scoring."""
+"""Flows: files, rules, synthetic noise, and the points of training."""
 
 from granpinn.data.flow import (
     Flow,
@@ -12,7 +12,7 @@ from granpinn.data.flow_file import read_flow, write_flow
 from granpinn.data.noise import add_noise, known_sd
 from granpinn.data.outline import with_partial_cells
 from granpinn.data.particles import particle_flow
-from granpinn.data.points import TrainingSet, test_grid, training_set
+from granpinn.data.points import TrainingSet, training_set
 from granpinn.data.rules import check_flow
 from granpinn.errors import FlowFileWarning
 
@@ -30,7 +30,6 @@ __all__ = [
     "known_sd",
     "particle_flow",
     "read_flow",
-    "test_grid",
     "training_set",
     "with_partial_cells",
     "write_flow",

@@ -1,4 +1,4 @@
-"""The points of training and scoring, dimensionless and in the order (t, y, x).
+"""The points of training, dimensionless and in the order (t, y, x).
 
 Variants of a flow differ in the cells that count as full of grains, and in the free surface. The
 sets of all variants have the same points in one order; a point that a variant lacks has the weight
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from granpinn.arrays import Floats, Index
+from granpinn.arrays import Index
 from granpinn.config import LEVELS
 from granpinn.data.collocation import (
     above_ground,
@@ -388,29 +388,6 @@ def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor 
         )
     turned = np.stack(axes_of(flow).turn(*scales.to_dimensionless(force, "acceleration").T), -1)
     return torch.as_tensor(turned).to(points)
-
-
-def test_grid(flow: Flow, scales: Scales) -> tuple[torch.Tensor, tuple[Index, ...]]:
-    """All points with c = 1, for scoring and for maps of the fields.
-
-    Returns:
-        (x, y, t) [K, 3] in float64, and their frame, row and column, three arrays [K].
-    """
-    frame, row, column = cells = np.nonzero(flow.material)
-    points = scales.points_to_dimensionless(flow.x[column], flow.y[row], flow.t[frame])
-    return torch.as_tensor(points), cells
-
-
-def relative_l2(predicted: Floats, reference: Floats) -> float | None:
-    """eq. (errorL2) in %, over everything in the arrays (a vector field: all components).
-
-    None without points, or if the reference is zero everywhere.
-    """
-    predicted, reference = (np.asarray(f, np.float64) for f in (predicted, reference))
-    size = float(np.sum(reference**2))
-    if size == 0.0:
-        return None
-    return 100.0 * float(np.sqrt(np.sum((predicted - reference) ** 2) / size))
 
 
 def _require_distinct(flow: Flow, scales: Scales, dtype: torch.dtype) -> None:

@@ -18,10 +18,10 @@ import torch
 from granpinn import results
 from granpinn.commands import train
 from granpinn.data import Flow
-from granpinn.data.points import relative_l2
 from granpinn.fit.case import members, pose
 from granpinn.fit.ensemble import network_of
 from granpinn.fit.prediction import predict
+from granpinn.fit.scoring import relative_l2
 from granpinn.identification.start import start
 from granpinn.kernels.builds import choose_device
 from tests.runs import tiny
