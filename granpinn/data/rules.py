@@ -31,6 +31,7 @@ from granpinn.data.schema import (
     arrays_of,
     attributes_of,
     check_layout,
+    check_pairs,
     check_range,
     check_ranges,
 )
@@ -55,6 +56,7 @@ def check_flow(flow: Flow) -> None:
         check_layout(arrays)
     _check_constants(flow)
     arrays = arrays_of(flow) | arrays_in(flow)
+    check_pairs({**arrays, **{n: a for n, a in attributes_of(flow).items() if a is not None}})
     check_ranges({name: a for name, a in arrays.items() if a.ndim == 1})
     for frames in slabs(flow):
         check_ranges({name: a[frames] for name, a in arrays.items() if a.ndim == 3})
@@ -63,7 +65,7 @@ def check_flow(flow: Flow) -> None:
     _check_symmetries(flow)
     _check_grains(flow)
     _check_velocity(flow)
-    _check_sigma(flow)
+    _check_known(flow)
     if flow.surface is not None:
         _check_surface(flow, flow.surface)
     if flow.walls is not None:
@@ -191,7 +193,7 @@ def _in_any_cell(mask: Bool) -> Bool:
 
 
 def _check_velocity(flow: Flow) -> None:
-    """Vectors have both components, and are there in every frame; a pressure is there in grains."""
+    """Vectors have both components, and are there in every frame."""
     parts = slabs(flow)
     one_sided = sum(int((np.isnan(flow.u[k]) != np.isnan(flow.v[k])).sum()) for k in parts)
     if one_sided:
@@ -207,11 +209,6 @@ def _check_velocity(flow: Flow) -> None:
             f"{int(empty.sum())} of {len(empty)} frames (first: t = {flow.t[first]:g}): "
             "leave these frames out"
         )
-    if flow.p is not None and any(np.isnan(flow.p[k][flow.c[k] >= 1]).any() for k in parts):
-        raise FlowFileError(
-            "p must be finite where c = 1, got NaN: give the reference pressure at every point "
-            "with grains or leave p out"
-        )
 
 
 def _without_vectors(flow: Flow, frames: slice) -> Bool:
@@ -220,19 +217,14 @@ def _without_vectors(flow: Flow, frames: slice) -> Bool:
     return empty | (_in_any_cell(flow.c[frames] >= 1) & ~_in_any_cell(flow.valid_in(frames)))
 
 
-def _check_sigma(flow: Flow) -> None:
-    """Standard deviations come in pairs, and are positive at every valid vector."""
-    pair = {"sigma_u": flow.sigma_u, "sigma_v": flow.sigma_v}
-    missing = [name for name, sigma in pair.items() if sigma is None]
-    if len(missing) == 1:
-        raise FlowFileError(
-            f"sigma_u and sigma_v must come together, got no {missing[0]}: add it or leave both out"
-        )
-    remedy = "give the standard deviation of every valid vector, or leave sigma_u and sigma_v out"
-    for name, sigma in pair.items():
-        if isinstance(sigma, np.ndarray):
-            for k in slabs(flow):
-                check_range(name, sigma[k][flow.valid_in(k)], LEAST, LARGEST, remedy=remedy)
+def _check_known(flow: Flow) -> None:
+    """Grains have a pressure, and valid vectors standard deviations, if the flow has any."""
+    for name in ("p", "sigma_u", "sigma_v"):
+        values, low = getattr(flow, name), -LARGEST if name == "p" else LEAST
+        for k in slabs(flow) if isinstance(values, np.ndarray) else ():
+            where = flow.c[k] >= 1 if name == "p" else flow.valid_in(k)
+            remedy = "give it everywhere in the grains, or leave it out"
+            check_range(name, np.where(where, values[k], 1.0), low, LARGEST, remedy=remedy)
 
 
 def _check_surface(flow: Flow, surface: Surface) -> None:

@@ -9,7 +9,7 @@ either the grid or the particles. The meaning of the entries stands at the field
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -159,7 +159,12 @@ RECORDS: dict[type, tuple[str, tuple[DatasetRule, ...]]] = {
     ),
 }
 DATASETS = {rule.name: rule for _, rules in RECORDS.values() for rule in rules}
-PAIRS = (("wall_u", "wall_v"), ("particles/sigma_u", "particles/sigma_v"))
+# What comes together, as a dataset or an attribute.
+PAIRS = (
+    ("wall_u", "wall_v"),
+    ("particles/sigma_u", "particles/sigma_v"),
+    ("sigma_u", "sigma_v"),
+)
 
 
 class AttributeRule(NamedTuple):
@@ -308,6 +313,10 @@ def check_layout(found: Mapping[str, Any]) -> None:
     for kind, (_, rules) in RECORDS.items():
         if there[kind] or kind is vectors:
             check_rules(rules, found)
+
+
+def check_pairs(found: Collection[str]) -> None:
+    """Raises FlowFileError if one of two names that come together is missing."""
     for pair in PAIRS:
         if len(lacking := [name for name in pair if name not in found]) == 1:
             raise FlowFileError(

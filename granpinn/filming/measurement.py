@@ -6,7 +6,6 @@ import dataclasses
 import itertools
 import math
 import re
-import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool
 from granpinn.data.flow import Flow, Surface
-from granpinn.errors import FlowFileWarning
+from granpinn.errors import warn
 from granpinn.filming import FilmSettings
 from granpinn.filming.frames import ImageSequence, Picture
 from granpinn.filming.segmentation import Segmentation, segmented
@@ -74,7 +73,7 @@ def measure(
     film = survey(frames, segmentation)
     said = faults(film)
     for text in said:
-        warnings.warn(text, FlowFileWarning, stacklevel=3)
+        warn(text)
     released, acceleration = release(film)
     reach = _reach(film, released or 0.0, settings)
     vectors, shown, levels = _vectors(frames, reach, segmentation, settings.fewest_frames)
@@ -251,7 +250,7 @@ def _require_falling(share: float, descent: float, force: bool) -> None:
         f"to {FAST}: check --frame-rate, whose square is in it, and --scale"
     )
     if share < SLOW:
-        warnings.warn(said, FlowFileWarning, stacklevel=4)
+        warn(said)
     if descent < -RISING:
         said = (
             "grains must fall on the average, but they rise: turn the pictures the right way up, "

@@ -20,6 +20,7 @@ QUANTITIES = {
     **dict.fromkeys(("grain_density", "density"), "density"),
     "gravity": "acceleration",
     "start": "time",
+    "sigma": "velocity",
 }
 
 
@@ -252,6 +253,7 @@ def material_of(settings: Settings) -> tuple[dict[str, Any], dict[str, float]]:
         "density_unit": None if settings.dimensionless else "kg/m^3",
         "length_unit": "1" if settings.dimensionless else "m",
         "time_unit": "1" if settings.dimensionless else "s",
+        **dict.fromkeys(("sigma_u", "sigma_v"), settings.number("sigma")),
     }
     lengths = {name: settings.number(name) for name in LENGTHS}
     return constants, {name: value for name, value in lengths.items() if value is not None}
