@@ -26,10 +26,9 @@ from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
 from granpinn.data.large import chosen
 from granpinn.data.noise import velocity_weights
 from granpinn.data.outline import surface_of
-from granpinn.data.scaling import moving, placed, turned_and_rounded, unplaced
+from granpinn.data.scaling import moving, placed, unplaced
 from granpinn.data.symmetry import axes_of
 from granpinn.data.wall_points import walls_of, warn_of_contradictions
-from granpinn.physics.axes import Axes
 from granpinn.physics.scales import Scales
 from granpinn.physics.terms import LossPoints
 
@@ -176,7 +175,6 @@ def training_sets(
     union = flows[0]
     if len(flows) > 1:  # with the cells that are full in any of them
         union = replace(union, c=np.max([variant.c for variant in flows], axis=0))
-    _require_distinct(union, scales, dtype)
     common, own, inside = _common(union, flows, scales, collocation, dtype)
     sets = []
     for k, line in enumerate(lines):
@@ -388,19 +386,3 @@ def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor 
         )
     turned = np.stack(axes_of(flow).turn(*scales.to_dimensionless(force, "acceleration").T), -1)
     return torch.as_tensor(turned).to(points)
-
-
-def _require_distinct(flow: Flow, scales: Scales, dtype: torch.dtype) -> None:
-    """Raises FlowFileError if two times, rows or columns are one number in the training."""
-    level = Axes(1.0, 0.0, (0.0, -1.0))  # each coordinate for itself
-    for k, (name, values) in enumerate((("x", flow.x), ("y", flow.y), ("t", flow.t))):
-        place = list(scales.origin)
-        place[k] = values  # type: ignore[call-overload]
-        points = turned_and_rounded(scales.points_to_dimensionless(*place), level)
-        found = np.unique(torch.as_tensor(points[:, k]).to(dtype).numpy()).size
-        if found < values.size:
-            raise FlowFileError(
-                f"{name} must have steps that {str(dtype).removeprefix('torch.')} resolves, got "
-                f"{values.size} values of which {found} differ after rounding: leave out values "
-                "that are too close, or correct the unit of the coordinates"
-            )

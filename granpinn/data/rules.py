@@ -24,7 +24,7 @@ from granpinn.data.flow import (
     Walls,
 )
 from granpinn.data.large import slabs
-from granpinn.data.scaling import initial_height
+from granpinn.data.scaling import FLOAT32, RESOLUTION, initial_height, scales_of
 from granpinn.data.schema import (
     ATTRIBUTES,
     arrays_in,
@@ -61,9 +61,10 @@ def check_flow(flow: Flow) -> None:
     for frames in slabs(flow):
         check_ranges({name: a[frames] for name, a in arrays.items() if a.ndim == 3})
     for name, values in (("t", flow.t), ("y", flow.y), ("x", flow.x)):
-        _check_steps(name, values)
+        _check_order(name, values)
     _check_symmetries(flow)
     _check_grains(flow)
+    _check_precision(flow)
     _check_velocity(flow)
     _check_known(flow)
     if flow.surface is not None:
@@ -133,8 +134,8 @@ def _check_constants(flow: Flow) -> None:
         )
 
 
-def _check_steps(name: str, values: Float64) -> None:
-    """A coordinate increases, by more than its rounding."""
+def _check_order(name: str, values: Float64) -> None:
+    """A coordinate increases."""
     steps = np.diff(values)
     if not (steps > 0).all():
         i = int(np.argmin(steps > 0))
@@ -142,15 +143,27 @@ def _check_steps(name: str, values: Float64) -> None:
             f"{name} must increase strictly, got {values[i]:g} then {values[i + 1]:g} at index "
             f"{i}: sort the data along {name}"
         )
-    if steps.size == 0:  # a steady flow: its time has no effect
-        return
-    rounding = float(np.spacing(np.abs(values).max()))
-    if rounding > LARGEST_ROUNDING * steps.min():
-        raise FlowFileError(
-            f"{name} must be far more precise than its steps, got steps down to {steps.min():g} "
-            f"around {values[int(np.argmin(steps))]:g}, where float64 has a spacing of "
-            f"{rounding:g}: subtract the first value before the file is written"
+
+
+def _check_precision(flow: Flow) -> None:
+    """The steps of a coordinate exceed its rounding in float64, and in a training."""
+    scales = scales_of(flow)
+    units = {"t": scales.time, "y": scales.length, "x": scales.length}
+    for name, unit in units.items():
+        values = getattr(flow, name)
+        steps = np.diff(values)
+        rounding = max(
+            float(np.spacing(np.abs(values).max())) / LARGEST_ROUNDING,
+            2 * FLOAT32 * float(np.ptp(values)),
+            RESOLUTION * unit,
         )
+        if rounding > steps.min(initial=np.inf):
+            raise FlowFileError(
+                f"{name} must have steps of at least {rounding:g}, as numbers of its size are "
+                f"rounded, got {steps.min():g} after {values[int(np.argmin(steps))]:g}: subtract "
+                "the first value before the file is written, correct the unit, or leave out values "
+                "that are too close"
+            )
 
 
 def _check_symmetries(flow: Flow) -> None:
@@ -249,12 +262,7 @@ def _check_within(what: str, values: Float64, name: str, grid: Float64, margin: 
 
 
 def _check_walls(flow: Flow, walls: Walls) -> None:
-    m, parts = walls.x.size, np.isnan(walls.x)
-    if m > MOST_WALL_POINTS:
-        raise FlowFileError(
-            f"wall_x must hold at most {MOST_WALL_POINTS} points, got {m}: a straight wall needs "
-            "its two ends only"
-        )
+    parts = np.isnan(walls.x)
     if not np.array_equal(parts, np.isnan(walls.y)):
         raise FlowFileError(
             "wall_x and wall_y must be NaN at the same points, where two pieces of wall part, got "
@@ -273,7 +281,7 @@ def _check_walls(flow: Flow, walls: Walls) -> None:
             "wall_slip must be 0 where grains move with the wall and 1 where they may slip along "
             f"it, got {wrong:g}: correct it"
         )
-    _check_length(flow, walls)
+    _check_size(flow, walls)
 
 
 def _check_pieces(parts: Bool, place: Float64) -> None:
@@ -289,13 +297,12 @@ def _check_pieces(parts: Bool, place: Float64) -> None:
         )
 
 
-def _check_length(flow: Flow, walls: Walls) -> None:
+def _check_size(flow: Flow, walls: Walls) -> None:
     """Every spacing of a wall becomes a point of the training, in every frame."""
-    length = float(segments_of(walls).length.sum())
-    spacing = max(flow.spacing)
-    if length > MOST_WALL_POINTS * spacing:
+    size = max(walls.x.size, float(segments_of(walls).length.sum()) / max(flow.spacing))
+    if size > MOST_WALL_POINTS:
         raise FlowFileError(
-            f"wall_x and wall_y must be lines of at most {MOST_WALL_POINTS} times the grid spacing "
-            f"{spacing:g}, all together, got {length:g}: leave out what no grains "
-            "touch, and lines that go to and fro"
+            f"walls must have at most {MOST_WALL_POINTS} points, and as many spacings of the grid "
+            f"along them, got {size:.4g}: give the two ends of a straight wall, and leave out "
+            "what no grains touch, and lines that go to and fro"
         )

@@ -149,20 +149,19 @@ def _below(line: Surface, vectors: pd.DataFrame, rows: int, grain: float) -> Boo
 
 def _calibration(settings: FilmSettings) -> tuple[float, float, float]:
     """Diameter of a grain in px, m per px, s per frame."""
-    d, scale, rate = settings.grain_diameter, settings.scale, settings.frame_rate
-    if d is None or scale is None or rate is None:
+    known, d = settings.calibration, settings.number("grain_diameter")
+    if known.pixel is None or known.interval is None or d is None:
         raise DataFileError(
             "a film needs --scale '0.12 mm/px', --frame-rate '1500 Hz' and --grain-diameter "
             "'0.8 mm': give all of them"
         )
-    pixel, frame = units.scale(scale), units.frame_time(rate, "--frame-rate")
-    grain = units.SI.number(d, "length", "--grain-diameter") / pixel
+    grain = d / known.pixel
     if not 2 <= grain <= 100:
         raise DataFileError(
             f"a grain must be 2 to 100 px wide, got {grain:.3g} px: check --scale and "
             "--grain-diameter, or film from another distance"
         )
-    return grain, pixel, frame
+    return grain, known.pixel, known.interval
 
 
 def _region(roi: str | None) -> tuple[slice, slice]:
