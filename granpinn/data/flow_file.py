@@ -103,7 +103,6 @@ def _mapped(image: Any, dtype: str, shape: tuple[int, ...], place: int | None) -
     return np.frombuffer(image, dtype, count, place).reshape(shape)
 
 
-DEFAULT_MAX_BYTES = MOST_IN_MEMORY
 MOVING_WALLS = "wall_t"  # times of pieces in files of older versions
 _RAISE = (
     "if it can be trusted, raise max_bytes of read_flow, or write the file without chunks and "
@@ -114,14 +113,14 @@ _RAISE = (
 def is_flow_file(path: Path) -> bool:
     """Whether a file is a flow file, from its attribute."""
     try:
-        file = read_hdf5(path, [], DEFAULT_MAX_BYTES, _RAISE)
+        file = read_hdf5(path, [], MOST_IN_MEMORY, _RAISE)
         return bool(attribute(file.attributes, "format_name", str) == FORMAT_NAME)
     except UnsafeFileError:  # no HDF5, or another kind of it
         return False
 
 
 @checked
-def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTES) -> Flow:
+def read_flow(path: str | os.PathLike[str], *, max_bytes: int = MOST_IN_MEMORY) -> Flow:
     """Reads and checks a flow file.
 
     Args:

@@ -202,13 +202,8 @@ def training_sets(
             )
     if level != "V0" and len(common.between):
         sets = _with_strips(sets, flow, scales)
-    sets = _with_walls([_with_even_weights(made) for made in sets], flow, scales, walled)
-    if flow.source is None:
-        return sets
-    return [
-        replace(s, source=source_at(torch.cat([s.points, s.between, s.strip]), flow, scales))
-        for s in sets
-    ]
+    walls = _on_walls(flow, scales, sets[0], walled)
+    return [_finished(made, walls, flow, scales) for made in sets]
 
 
 def vector_count(flow: Flow) -> int:
@@ -317,51 +312,50 @@ def _with_strips(sets: list[TrainingSet], flow: Flow, scales: Scales) -> list[Tr
     ]
 
 
-def _with_even_weights(made: TrainingSet) -> TrainingSet:
-    """The set with weights of the equations whose mean over all their points is 1."""
+def _finished(
+    made: TrainingSet, walls: Sequence[torch.Tensor], flow: Flow, scales: Scales
+) -> TrainingSet:
+    """The set with walls and sources, and with weights of the equations whose mean over all their
+    points is 1."""
     velocity, physics = made.point_weights.unbind(1)
     mean = float(torch.cat([physics, made.equation_weights]).double().mean())
+    wall_points, wall_velocity, loaded, load = walls
     return replace(
         made,
         point_weights=torch.stack([velocity, physics / mean], 1),
         equation_weights=made.equation_weights / mean,
+        wall_points=wall_points,
+        wall_velocity=wall_velocity,
+        surface_points=torch.cat([made.surface_points, loaded]),
+        surface_pressure=torch.cat([made.surface_pressure, load]),
+        source=source_at(torch.cat([made.points, made.between, made.strip]), flow, scales),
     )
 
 
-def _with_walls(
-    sets: list[TrainingSet], flow: Flow, scales: Scales, walled: TrainingSet | None
-) -> list[TrainingSet]:
-    """The sets with the velocities, and the known pressures, on the walls of a flow.
+def _on_walls(
+    flow: Flow, scales: Scales, made: TrainingSet, walled: TrainingSet | None
+) -> Sequence[torch.Tensor]:
+    """Points on the walls of a flow and the velocities there, and those of known pressure with it.
 
     Warns of conditions that the vectors contradict.
+
+    Args:
+        made: a set without walls.
+        walled: as in `training_sets`.
     """
-    if walled is not None:
-        M = len(sets[0].surface_points)
-        at, moves = walled.wall_points, walled.wall_velocity
-        loaded, load = walled.surface_points[M:], walled.surface_pressure[M:]
-    elif flow.walls is None:
-        return sets
-    else:
-        touch, facts = walls_of(flow, flow.walls)
-        warn_of_contradictions(facts)
-        (x, y, t), (u, v) = touch.point.T, touch.target.T
-        points, velocity = placed(x, y, t, flow, scales), moving(u, v, flow, scales)
-        pressure = scales.to_dimensionless(touch.p, "pressure")
-        used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
-        at, moves, loaded, load = (
-            torch.as_tensor(a).to(sets[0].points)
-            for a in (points[used], velocity[used], points[known], pressure[known])
-        )
-    return [
-        replace(
-            made,
-            wall_points=at,
-            wall_velocity=moves,
-            surface_points=torch.cat([made.surface_points, loaded]),
-            surface_pressure=torch.cat([made.surface_pressure, load]),
-        )
-        for made in sets
-    ]
+    M = len(made.surface_points)
+    if walled is not None or flow.walls is None:
+        old = walled or made
+        loaded, load = old.surface_points[M:], old.surface_pressure[M:]
+        return old.wall_points, old.wall_velocity, loaded, load
+    touch, facts = walls_of(flow, flow.walls)
+    warn_of_contradictions(facts)
+    (x, y, t), (u, v) = touch.point.T, touch.target.T
+    points, velocity = placed(x, y, t, flow, scales), moving(u, v, flow, scales)
+    pressure = scales.to_dimensionless(touch.p, "pressure")
+    used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
+    arrays = points[used], velocity[used], points[known], pressure[known]
+    return [torch.as_tensor(a).to(made.points) for a in arrays]
 
 
 def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor | None:

@@ -7,7 +7,6 @@ Here is what must fit together.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -54,7 +53,7 @@ def check_flow(flow: Flow) -> None:
     """Raises FlowFileError if the flow breaks a rule of the format."""
     for arrays in (arrays_of(flow), arrays_in(flow)):
         check_layout(arrays)
-    _check_constants(flow)
+    check_constants(flow)
     arrays = arrays_of(flow) | arrays_in(flow)
     check_pairs({**arrays, **{n: a for n, a in attributes_of(flow).items() if a is not None}})
     check_ranges({name: a for name, a in arrays.items() if a.ndim == 1})
@@ -73,19 +72,8 @@ def check_flow(flow: Flow) -> None:
         _check_walls(flow, flow.walls)
 
 
-def check_constants(**constants: Any) -> None:
-    """Checks the fields of a Flow that are no arrays, before there are any arrays.
-
-    Raises:
-        FlowFileError: one breaks a rule.
-    """
-    nothing = np.empty(0)
-    arrays: dict[str, Any] = dict.fromkeys(("t", "y", "x", "u", "v", "c"), nothing)
-    _check_constants(Flow(**arrays, **constants))
-
-
-def _check_constants(flow: Flow) -> None:
-    """Numbers and texts that are no arrays."""
+def check_constants(flow: Flow) -> None:
+    """Raises FlowFileError if a number or a text breaks a rule; the arrays may be empty."""
     for name, value in flow.attributes.items():
         if not name.isidentifier() or not isinstance(value, str | int | float | np.number):
             raise FlowFileError(

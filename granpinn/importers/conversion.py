@@ -355,7 +355,7 @@ def _described(fields: VectorFields) -> str:
     """Format, size and validity of the vectors."""
     n = fields.u.size
     shares = ", ".join(
-        f"{fields.count(kind) / n:.1%} {kind.name.lower()}"
+        f"{np.mean(fields.validity == kind):.1%} {kind.name.lower()}"
         for kind in (Validity.VALID, Validity.INTERPOLATED, Validity.INVALID, Validity.MASKED)
     )
     frames = np.unique(fields.t).size

@@ -15,13 +15,12 @@ import numpy.typing as npt
 from scipy.ndimage import binary_fill_holes
 
 from granpinn.arrays import Bool, Int8, plain_array
+from granpinn.data.flow import LARGEST
 from granpinn.data.particles import closed
 from granpinn.data.schema import FRACTION_TOLERANCE
 from granpinn.declared import require_fields
 from granpinn.errors import BadInput
 
-# Of coordinates and vectors, in any unit. Their squares and products stay finite in float64.
-LARGEST = 1e30
 MAX_UNIT = 60  # characters
 MAX_MESSAGE = 600
 # The fact of vectors that are differences of positions in their file: their unit is length / time.
@@ -199,10 +198,6 @@ class VectorFields:
     def usable(self) -> Bool:
         """Vectors that were measured."""
         return np.asarray(self.validity == Validity.VALID)
-
-    def count(self, validity: Validity) -> int:
-        """Number of vectors of this kind."""
-        return int((self.validity == validity).sum())
 
 
 def largest(values: npt.NDArray[Any]) -> float:

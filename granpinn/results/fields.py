@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float32, Float64, Floats, Int64
+from granpinn.arrays import Bool, Float32, Float64, Floats, Int64, nearest
 from granpinn.data.flow import STEADY, FlowFileError
 from granpinn.data.flow_file import Hdf5File, add_dataset, read_hdf5, write_attributes
 from granpinn.data.schema import (
@@ -93,8 +93,7 @@ def _cell(centers: Float64, at: Float64) -> Int64:
     """The index of the cell that holds each position; -1 outside of all. NaN is outside."""
     half = np.diff(centers).mean() / 2 if centers.size > 1 else np.inf
     within = (at >= centers[0] - half) & (at <= centers[-1] + half)
-    between = (centers[1:] + centers[:-1]) / 2
-    return np.where(within, np.searchsorted(between, at), -1)
+    return np.where(within, nearest(centers, at), -1)
 
 
 @dataclass(frozen=True, eq=False)
