@@ -6,7 +6,6 @@ Every fault of a file is a FlowFileError. `read_hdf5` also reads other HDF5 file
 from __future__ import annotations
 
 import hashlib
-import mmap
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -82,25 +81,21 @@ def read_hdf5(path: Path, names: list[str], max_bytes: int, remedy: str) -> Hdf5
     with open_regular_file(path, MOST_MAPPED) as stream:
         n_bytes = os.fstat(stream.fileno()).st_size
         in_place = n_bytes > max_bytes
-        image = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if in_place else None
         request: dict[str, Any] = {"names": names, "remedy": remedy, "in_place": in_place}
         found = read_foreign("hdf5", path, n_bytes, max_bytes=max_bytes, **request)
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]
-    datasets = {}
-    for name, part in found["datasets"].items():
-        values, shape = part.get("values"), tuple(part["shape"])
-        if "place" in part:
-            values = _mapped(image, part["dtype"], shape, part["place"])
-        datasets[name] = Dataset(shape, part["dtype"], part["attributes"], values)
+        datasets = {}
+        for name, part in found["datasets"].items():
+            values, shape, dtype = part.get("values"), tuple(part["shape"]), part["dtype"]
+            if "place" in part:
+                try:
+                    values = np.memmap(stream, dtype, "r", part["place"], shape)
+                except (TypeError, ValueError):
+                    raise UnsafeFileError(
+                        f"{name} was cut off, expected all of it: {RETRY}"
+                    ) from None
+            datasets[name] = Dataset(shape, dtype, part["attributes"], values)
     return Hdf5File(found["attributes"], datasets, sha256)
-
-
-def _mapped(image: Any, dtype: str, shape: tuple[int, ...], place: int | None) -> Any:
-    """Numbers that lie in a mapped file."""
-    count = int(np.prod(shape))
-    if place is None or place + count * np.dtype(dtype).itemsize > len(image):
-        raise UnsafeFileError(f"the file was cut off, expected a whole HDF5 file: {RETRY}")
-    return np.frombuffer(image, dtype, count, place).reshape(shape)
 
 
 MOVING_WALLS = "wall_t"  # times of pieces in files of older versions

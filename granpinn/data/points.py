@@ -16,7 +16,6 @@ import torch
 from granpinn.arrays import Index
 from granpinn.config import LEVELS
 from granpinn.data.collocation import (
-    above_ground,
     drawn,
     lie_between,
     points_between,
@@ -241,12 +240,11 @@ def _common(
     if len(variants) > 1 and cells is not None:
         own = np.stack([variant.c[cells] >= 1 for variant in variants], 1)
     if cells is not None and (count := round(collocation * len(own))):
-        places = points_between(union, above_ground(union), count)
+        places = points_between(union, count)
         between = placed(*places, union, scales)
         inside = np.ones((len(places[0]), len(variants)), bool)
         if len(variants) > 1:
-            complete = [lie_between(v, above_ground(v), *places) for v in variants]
-            inside = np.stack(complete, 1)
+            inside = np.stack([lie_between(v, *places) for v in variants], 1)
     points, velocity, alone = (
         torch.as_tensor(a).to(dtype)
         for a in (

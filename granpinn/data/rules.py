@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float64
+from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data.flow import (
     LARGEST,
     LEAST,
@@ -193,15 +193,20 @@ def _in_any_cell(mask: Bool) -> Bool:
     return np.asarray(mask.any(axis=(1, 2)))
 
 
+def _check_gaps(a: Floats, b: Floats, names: str) -> None:
+    """Two components have their gaps in common."""
+    if count := int((np.isnan(a) != np.isnan(b)).sum()):
+        raise FlowFileError(
+            f"{names} must be NaN at the same points, got {count} where only one of them is: set "
+            "both to NaN"
+        )
+
+
 def _check_velocity(flow: Flow) -> None:
     """Vectors have both components, and are there in every frame."""
     parts = slabs(flow)
-    one_sided = sum(int((np.isnan(flow.u[k]) != np.isnan(flow.v[k])).sum()) for k in parts)
-    if one_sided:
-        raise FlowFileError(
-            f"u and v must be NaN at the same points, got {one_sided} where only one of them "
-            "is: set both to NaN"
-        )
+    for k in parts:
+        _check_gaps(flow.u[k], flow.v[k], "u and v")
     empty = np.concatenate([_without_vectors(flow, k) for k in parts])
     if empty.any():
         first = int(np.argmax(empty))
@@ -251,12 +256,7 @@ def _check_within(what: str, values: Float64, name: str, grid: Float64, margin: 
 
 def _check_walls(flow: Flow, walls: Walls) -> None:
     parts = np.isnan(walls.x)
-    if not np.array_equal(parts, np.isnan(walls.y)):
-        raise FlowFileError(
-            "wall_x and wall_y must be NaN at the same points, where two pieces of wall part, got "
-            f"NaN in one of them alone at index {int(np.argmax(parts != np.isnan(walls.y)))}: "
-            "set both to NaN or neither"
-        )
+    _check_gaps(walls.x, walls.y, "wall_x and wall_y")
     _check_pieces(parts, np.stack([walls.x, walls.y], 1))
     for name in ("x", "y"):
         grid = getattr(flow, name)
