@@ -34,14 +34,14 @@ from granpinn.importers.arrays import ARRAYS, from_dataset
 from granpinn.importers.frame import (
     Frame,
     frame_of,
-    missing_units,
     require_agreement,
+    require_complete,
     stated_calibration,
     with_units,
 )
 from granpinn.importers.limits import require_room
 from granpinn.importers.series import Source, measured, selected_frames, vectors_of
-from granpinn.importers.settings import SURFACES, Settings, material_of, missing_constants
+from granpinn.importers.settings import SURFACES, Settings, material_of
 from granpinn.importers.vectors import GAPS, DataFileError, Validity, VectorFields
 
 S = TypeVar("S", bound=Settings)
@@ -76,9 +76,7 @@ def convert(
     require_room(count, 8, whole.facts.get("format", "the arrays"))
     tell(_described(whole))
     fields = with_units(selected_frames(measured(whole, settings), settings), settings)
-    missing = missing_units(fields, settings) + missing_constants(settings)
-    if missing:
-        raise DataFileError(f"missing: {'; '.join(missing)}")
+    require_complete(fields, settings)
     constants, lengths = material_of(settings)
     if settings.mask is not None:
         fields = surfaces.with_mask(fields, settings.mask)

@@ -107,19 +107,25 @@ def with_units(fields: VectorFields, settings: Settings) -> VectorFields:
     return replace(fields, length_unit=length, time_unit=time, velocity_unit=velocity)
 
 
-def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
-    """The settings that are missing for the units, one sentence part each."""
+def require_complete(fields: VectorFields, settings: Settings) -> None:
+    """Refuses settings that lack a unit or a constant that the files do not state.
+
+    Args:
+        fields: vectors `with_units`.
+
+    Raises:
+        DataFileError: one names all that is missing.
+    """
     length, time, velocity = fields.length_unit, fields.time_unit, fields.velocity_unit
     counted, rate = units.has(time, "frame"), settings.frame_rate
-    if settings.dimensionless:
-        unknown = counted and rate is None
-        return ["--times, or --frame-rate in frames per unit of time"] if unknown else []
     pixels, frames = units.has(length, "px"), units.has(velocity, "frame")
     unclear = settings.flip_y == "auto" and fields.y_down is None
     unclear = unclear and (pixels or fields.facts.get(ROWS) == MIXED)
     no_scale = settings.scale is None and (pixels or units.has(velocity, "px"))
     no_delay = not counted and frames and not (settings.pulse_delay or rate)
     without = "(the files do not say the unit of"
+    grain, bulk = settings.grain_density is None, settings.density is None
+    fraction = settings.solid_fraction is None
     needed = {
         f"--length-unit {without} x and y)": length is None,
         f"--velocity-unit {without} u and v)": not (velocity or TRACK_WINDOW in fields.facts),
@@ -128,12 +134,18 @@ def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
         "--frame-rate, such as '500 Hz' (the files hold no time)": counted and rate is None,
         "--pulse-delay, such as '2 ms' (the vectors are per pair of images)": no_delay,
         "--flip-y yes or no (the files do not say whether y points down)": unclear,
+        "--grain-density, such as '2500 kg/m^3'": grain and (bulk or fraction),
+        "--solid-fraction, such as 0.6": bulk and fraction,
     }
-    return [text for text, lacking in needed.items() if lacking]
+    if settings.dimensionless:
+        needed = {"--times, or --frame-rate in frames per unit of time": counted and rate is None}
+    needed["--grain-diameter, such as '0.8 mm'"] = settings.grain_diameter is None
+    if missing := [text for text, lacking in needed.items() if lacking]:
+        raise DataFileError(f"missing: {'; '.join(missing)}")
 
 
 def frame_of(fields: VectorFields, settings: Settings) -> Frame:
-    """Calibration, origin and gravity of vectors `with_units`; `missing_units` must be empty.
+    """Calibration, origin and gravity of vectors `with_units` that are complete.
 
     Raises:
         DataFileError: a unit is wrong.

@@ -184,24 +184,10 @@ class Settings:
             )
 
 
-def missing_constants(settings: Settings) -> list[str]:
-    """The settings that are missing for the constants, one sentence part each."""
-    missing = []
-    if settings.grain_diameter is None:
-        missing.append("--grain-diameter, such as '0.8 mm'")
-    known = settings.grain_density, settings.solid_fraction, settings.density
-    if not settings.dimensionless and sum(value is not None for value in known) < 2:
-        if settings.grain_density is None:
-            missing.append("--grain-density, such as '2500 kg/m^3'")
-        if settings.solid_fraction is None and settings.density is None:
-            missing.append("--solid-fraction, such as 0.6")
-    return missing
-
-
 def material_of(settings: Settings) -> tuple[dict[str, Any], dict[str, float]]:
     """The constants of the grains as fields of a flow, and lengths as attributes of its file.
 
-    The bulk density is that of a grain times the solid fraction. `missing_constants` must be empty.
+    The bulk density is that of a grain times the solid fraction. They must be complete.
     """
     grain, bulk = settings.number("grain_density"), settings.number("density")
     fraction = settings.solid_fraction
