@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections import deque
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import h5py
@@ -22,35 +20,25 @@ import numpy.typing as npt
 LEVEL = 2  # of gzip: 2 % larger than at 4, the usual one, in 60 % of the time
 PACKED: dict[str, Any] = {"compression": "gzip", "compression_opts": LEVEL, "shuffle": True}
 MOST = 8  # threads: HDF5 stores the chunks of no more
-AHEAD = 4  # frames for each thread that wait to be stored
+AHEAD = 4  # frames for each thread in memory
 
 
 Frame = Callable[[int], npt.NDArray[Any]]  # the values at frame k; threads call it
 
 
-@contextmanager
-def packer() -> Iterator[Callable[[h5py.Dataset, Frame], None]]:
-    """Yield a function that writes all frames of a dataset, with a thread for every core at hand.
+def write_frames(dataset: h5py.Dataset, frame: Frame) -> None:
+    """Write all frames of a dataset, with a thread for every core at hand.
 
     The dataset has the filters `PACKED` and chunks of one frame.
     """
-    threads = min(MOST, len(os.sched_getaffinity(0)))
-    pool = ThreadPoolExecutor(threads)
-
-    def write(dataset: h5py.Dataset, frame: Frame) -> None:
-        dtype, count = dataset.dtype, len(dataset)
-        first = (0,) * (dataset.ndim - 1)
-        waiting: deque[tuple[int, Future[bytes]]] = deque()
-        for k in range(count):
-            waiting.append((k, pool.submit(lambda k: packed(frame(k), dtype), k)))
-            while len(waiting) > (AHEAD * threads if k + 1 < count else 0):
-                place, content = waiting.popleft()
-                dataset.id.write_direct_chunk((place, *first), content.result())
-
-    try:
-        yield write
-    finally:
-        pool.shutdown(cancel_futures=True)
+    threads, count = min(MOST, len(os.sched_getaffinity(0))), len(dataset)
+    dtype, within = dataset.dtype, (0,) * (dataset.ndim - 1)
+    with ThreadPoolExecutor(threads) as pool:
+        for first in range(0, count, AHEAD * threads):
+            some = range(first, min(first + AHEAD * threads, count))
+            contents = pool.map(lambda k: packed(frame(k), dtype), some)
+            for k, content in zip(some, contents, strict=True):
+                dataset.id.write_direct_chunk((k, *within), content)
 
 
 def packed(values: npt.NDArray[Any], dtype: np.dtype[Any]) -> bytes:

@@ -39,7 +39,7 @@ from granpinn.data.schema import (
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
-from granpinn.output.frames import PACKED, packer
+from granpinn.output.frames import PACKED, write_frames
 from granpinn.regular import MissingFileError, UnsafeFileError
 
 FORMAT_NAME = "granpinn-fields"
@@ -189,7 +189,7 @@ def write_fields(fields: Fields, path: str | Path) -> None:
         **{f"{name}_scale": getattr(fields, name) for name in SCALES},
     }
     chunks = (1, fields.y.size, fields.x.size)
-    with hdf5_file(path) as file, packer() as write:
+    with hdf5_file(path) as file:
         write_attributes(file, attributes)
         for name, rule in RULES.items():
             if name in AXES:
@@ -197,7 +197,7 @@ def write_fields(fields: Fields, path: str | Path) -> None:
             elif name == "c" or name in fields.values:
                 options = {"shape": fields.shape, "dtype": np.float32, "chunks": chunks, **PACKED}
                 dataset = add_dataset(file, rule, fields.units, **options)
-                write(dataset, partial(fields.frame, name))
+                write_frames(dataset, partial(fields.frame, name))
 
 
 @checked
