@@ -362,19 +362,10 @@ def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor 
 
     Args:
         points: (x, y, t) [N, 3] of the training.
-
-    Raises:
-        FlowFileError: the source is not finite, or has another shape than the points.
     """
     if flow.source is None:
         return None
     places = unplaced(points.double().cpu().numpy(), flow, scales)
     force = np.stack(flow.source(*places.T), -1)
-    if force.shape != (len(points), 2) or not np.isfinite(force).all():
-        raise FlowFileError(
-            f"the source of a flow must give finite numbers S_x [n], S_y [n] for x, y, t [n], got "
-            f"{list(force.shape)} with {int((~np.isfinite(force)).sum())} not finite for "
-            f"{len(points)} points: correct the function"
-        )
     turned = np.stack(axes_of(flow).turn(*scales.to_dimensionless(force, "acceleration").T), -1)
     return torch.as_tensor(turned).to(points)

@@ -157,23 +157,17 @@ class Fields:
         grid[self.index[first:last] - k * size] = self.values[name][first:last]
         return grid.reshape(self.y.size, self.x.size)
 
-    def grid(self, name: str) -> Float32:
-        """One variable at all frames [T, Y, X], NaN outside the grains."""
-        grid = np.full(self.c.size, np.nan, np.float32)
-        grid[self.index] = self.values[name]
-        return grid.reshape(self.shape)
-
 
 def fields_dataset(fields: Fields) -> Any:
     """The fields as an xarray.Dataset over (t, y, x): NaN outside the grains, units in `attrs`."""
     import xarray  # slow to import
 
-    arrays = {name: getattr(fields, name) for name in (*AXES, "c")}
-    arrays |= {name: fields.grid(name) for name in VARIABLES if name in fields.values}
-    rules = ((RULES[name], array) for name, array in arrays.items())
+    arrays = {name: getattr(fields, name) for name in AXES}
+    for name in ("c", *(name for name in VARIABLES if name in fields.values)):
+        arrays[name] = np.stack([fields.frame(name, k) for k in range(fields.t.size)])
     variables = {
-        rule.name: ([axis.lower() for axis in rule.axes], array, rule.described(fields.units))
-        for rule, array in rules
+        name: ([a.lower() for a in RULES[name].axes], array, RULES[name].described(fields.units))
+        for name, array in arrays.items()
     }
     scales = {f"{name}_scale": getattr(fields, name) for name in SCALES}
     return xarray.Dataset(variables, attrs=scales)
