@@ -73,7 +73,7 @@ def convert(
     tell = report or str
     whole = vectors_of(source, settings)
     count = sum(a.size for name, a in whole.arrays().items() if name != "validity")
-    require_room(count, 8, whole.facts.get("format", "the arrays"))
+    require_room(count, whole.facts.get("format", "the arrays"))
     tell(_described(whole))
     fields = with_units(selected_frames(measured(whole, settings), settings), settings)
     require_complete(fields, settings)

@@ -244,7 +244,7 @@ def read_vectors(
         if count and np.unique(part.t).size == 1:
             part = replace(part, t=np.zeros_like(part.t), time_unit="frame")
         parts.append(part)
-        require_room(len(files) * part.u.size * (len(part.arrays()) - 1), 8, file)
+        require_room(len(files) * part.u.size * (len(part.arrays()) - 1), file)
     facts = {"format": FORMATS[name].title, "files": str(len(files))}
     joined = parts[0] if len(parts) == 1 else _joined(files, parts)
     return replace(joined, facts=joined.facts | facts)

@@ -154,7 +154,7 @@ def velocities(
             f"--track-window must be odd and at least 3, at most {MAX_WINDOW}, got {window}"
         )
     # These numbers exist once, and before the copies of the conversion.
-    require_room(t.size * window * _PER_PLACE, 8 / COPIES, "the table of tracks")
+    require_room(t.size * window * _PER_PLACE / COPIES, "the table of tracks")
     order = np.lexsort((frame, particle))
     t, frame, x, y, particle = (a[order] for a in (t, frame, x, y, particle))
     half = window // 2
