@@ -72,17 +72,14 @@ class Frame:
 
     def moments(self, t: Float64, unit: str | None, what: str) -> Float64:
         """Times in SI of a column with its unit; a time in its own unit counts from the release."""
-        if not unit:
-            return self.times(t)
-        if not units.has(unit, "frame"):
-            return t * self.factor(unit, "time", what)
-        interval = self.calibration.interval
-        if not self.counts or interval is None:
+        counted = units.has(unit, "frame")
+        if counted and not self.counts:
             raise DataFileError(
                 f"{what} must be a time, as the vectors have times, got numbers of frames: give "
                 "a column t"
             )
-        return self.times(t * self.factor(unit, "time", what) / interval)
+        factor = self.factor(unit, "time", what)
+        return t * factor if unit and not counted else self.times(t)
 
     def factor(self, unit: str | None, dimension: str, what: str) -> float:
         """SI units in one unit of a column; without a unit it has that of the vectors.

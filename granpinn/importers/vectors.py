@@ -96,9 +96,19 @@ class VectorFields:
     def __post_init__(self) -> None:
         require_fields(self, DataFileError)
         for name in ("t", "y", "x", *NUMBERS):
-            if (given := getattr(self, name)) is not None:
-                values = plain_array(given, name, DataFileError).astype(np.float64, copy=False)
-                self._put(name, values.reshape(-1) if name in "tyx" else values)
+            if (given := getattr(self, name)) is None:
+                continue
+            values = plain_array(given, name, DataFileError).astype(np.float64, copy=False)
+            if name in "tyx" and not np.isfinite(values).all():
+                raise DataFileError(
+                    f"{name} must be finite, got NaN or infinity: leave these vectors out"
+                )
+            if (found := largest(values)) > LARGEST:
+                raise DataFileError(
+                    f"{name} must be at most {LARGEST:g} in magnitude, got {found:g}: the file is "
+                    "damaged, or a unit or a scale is wrong"
+                )
+            self._put(name, values.reshape(-1) if name in "tyx" else values)
         if self.time_unit in ("frames", "fr"):
             self._put("time_unit", "frame")
         shape = (self.t.size,) if self.scattered else (self.t.size, self.y.size, self.x.size)
@@ -113,18 +123,6 @@ class VectorFields:
                 f"u and v must hold at least one vector, got the shape {list(shape)}: check which "
                 "frames the file holds"
             )
-        for name, values in {n: getattr(self, n) for n in ("t", "y", "x", *NUMBERS)}.items():
-            if values is None:
-                continue
-            if name in "tyx" and not np.isfinite(values).all():
-                raise DataFileError(
-                    f"{name} must be finite, got NaN or infinity: leave these vectors out"
-                )
-            if (found := largest(values)) > LARGEST:
-                raise DataFileError(
-                    f"{name} must be at most {LARGEST:g} in magnitude, got {found:g}: the file is "
-                    "damaged, or a unit or a scale is wrong"
-                )
         self._put_gaps()
         if not self.scattered:
             self._put_in_order()
