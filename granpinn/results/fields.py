@@ -174,7 +174,7 @@ def fields_dataset(fields: Fields) -> Any:
 
 
 def write_fields(fields: Fields, path: str | Path) -> None:
-    """Write fields.h5 by frames: no more than a few dozen of them are in memory."""
+    """Write fields.h5 by frames: a few dozen of them are in memory beside the packed file."""
     attributes = {
         "format_name": FORMAT_NAME,
         "format_version": FORMAT_VERSION,
