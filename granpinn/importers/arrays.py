@@ -40,11 +40,6 @@ _UNITLESS = ("chc", "p")  # a code, and a pressure that is kept for scoring only
 DATASET = "the data set"
 
 
-def sniff(path: Path, head: bytes) -> bool:
-    """A zip archive named .npz."""
-    return head.startswith(b"PK") and path.suffix.lower() == ".npz"
-
-
 def read(path: Path) -> VectorFields:
     """All frames of an .npz file."""
     return from_arrays(read_file("npz", path), str(path))
