@@ -39,7 +39,7 @@ from granpinn.data.schema import (
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
-from granpinn.output.frames import PACKED, write_frames
+from granpinn.output.hdf5 import PACKED, write_frames
 from granpinn.regular import MissingFileError, UnsafeFileError
 
 FORMAT_NAME = "granpinn-fields"

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from granpinn.output import hdf5_file
-from granpinn.output.frames import AHEAD, MOST, PACKED, write_frames
+from granpinn.output.hdf5 import AHEAD, MOST, PACKED, write_frames
 
 SHAPES = [(100, 9, 7), (3, 5, 4, 3), (1, 1, 1), (5, 8)]
 
