@@ -7,6 +7,7 @@ base class fixes the exit code of all commands (`granpinn.commands.shared.exit_c
 from __future__ import annotations
 
 import re
+import warnings
 
 # A flag, such as --max-time; not in a whole command line to copy.
 FLAG = re.compile(r"(?<![\w-])--([A-Za-z][\w.-]*\w|\w)")
@@ -37,6 +38,11 @@ class Sentence(Exception):
 
 class FlowFileWarning(UserWarning):
     """A flow can be used, but something in it is likely to be wrong; a command prints one line."""
+
+
+def warn(text: str) -> None:
+    """Warns of something in a flow."""
+    warnings.warn(text, FlowFileWarning, stacklevel=4)
 
 
 class BadInput(Sentence, ValueError):

@@ -39,14 +39,14 @@ def above_ground(flow: Flow) -> Bool:
     return grains
 
 
-def points_between(flow: Flow, grains: Bool, count: int) -> tuple[Float64, Float64, Float64]:
+def points_between(flow: Flow, count: int) -> tuple[Float64, Float64, Float64]:
     """Random x, y, t [count], in the units of the file; no points if no cell is complete.
 
-    A complete cell, in space and time, has its eight corners at grid points in `grains` [T, Y, X],
-    with a vector or without; four corners in a flow of one frame. No wall passes through it. The
+    A complete cell, in space and time, has its eight corners at grid points `above_ground`, with a
+    vector or without; four corners in a flow of one frame. No wall passes through it. The
     points are uniform over all complete cells.
     """
-    complete = _complete(flow, grains)
+    complete = _complete(flow)
     if flow.walls is not None:
         complete &= ~_cut(flow, segments_of(flow.walls))
     cells = np.argwhere(complete)
@@ -77,15 +77,15 @@ def _cut(flow: Flow, segments: Segments) -> Bool:
     return np.asarray(cut.reshape(shape))
 
 
-def lie_between(flow: Flow, grains: Bool, x: Float64, y: Float64, t: Float64) -> Bool:
-    """Whether points, in the units of the file, lie in complete cells of `grains` [n]."""
+def lie_between(flow: Flow, x: Float64, y: Float64, t: Float64) -> Bool:
+    """Whether points, in the units of the file, lie in complete cells [n]."""
     places = (_cell(flow.t, t), _cell(flow.y, y), _cell(flow.x, x))
-    return np.asarray(_complete(flow, grains)[places])
+    return np.asarray(_complete(flow)[places])
 
 
-def _complete(flow: Flow, grains: Bool) -> Bool:
-    """Cells with all corners in `grains` [T, Y, X]: one less along each axis with a step."""
-    complete = grains
+def _complete(flow: Flow) -> Bool:
+    """Cells with all corners `above_ground` [T, Y, X]: one less along each axis with a step."""
+    complete = above_ground(flow)
     for axis in range(3) if flow.t.size > 1 else (1, 2):
         complete = np.delete(complete, -1, axis) & np.delete(complete, 0, axis)
     return complete

@@ -6,8 +6,8 @@ Every fault of a file is a FlowFileError. `read_hdf5` also reads other HDF5 file
 from __future__ import annotations
 
 import hashlib
-import mmap
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,22 +25,25 @@ from granpinn.data.schema import (
     FIELDS,
     FORMAT_NAME,
     FORMAT_VERSION,
+    GRID,
     MOST_IN_MEMORY,
     OF_FLOW,
     RECORDS,
     TRUTH,
     WRITE_HINT,
+    DatasetRule,
     Units,
     arrays_of,
     attribute,
     attributes_of,
     check_conventions,
+    check_format,
     check_layout,
 )
 from granpinn.declared import checked
 from granpinn.foreign import read_foreign
 from granpinn.output import hdf5_file
-from granpinn.regular import RETRY, UnsafeFileError, open_regular_file
+from granpinn.regular import UnsafeFileError, open_regular_file
 
 MOST_MAPPED = 2**37  # bytes of a file
 
@@ -78,29 +81,18 @@ def read_hdf5(path: Path, names: list[str], max_bytes: int, remedy: str) -> Hdf5
     with open_regular_file(path, MOST_MAPPED) as stream:
         n_bytes = os.fstat(stream.fileno()).st_size
         in_place = n_bytes > max_bytes
-        image = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if in_place else None
         request: dict[str, Any] = {"names": names, "remedy": remedy, "in_place": in_place}
         found = read_foreign("hdf5", path, n_bytes, max_bytes=max_bytes, **request)
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()  # type: ignore[arg-type]
-    datasets = {}
-    for name, part in found["datasets"].items():
-        values, shape = part.get("values"), tuple(part["shape"])
-        if "place" in part:
-            values = _mapped(image, part["dtype"], shape, part["place"])
-        datasets[name] = Dataset(shape, part["dtype"], part["attributes"], values)
+        datasets = {}
+        for name, part in found["datasets"].items():
+            values, shape, dtype = part.get("values"), tuple(part["shape"]), part["dtype"]
+            if "place" in part:
+                values = np.memmap(stream, dtype, "r", part["place"], shape)
+            datasets[name] = Dataset(shape, dtype, part["attributes"], values)
     return Hdf5File(found["attributes"], datasets, sha256)
 
 
-def _mapped(image: Any, dtype: str, shape: tuple[int, ...], place: int | None) -> Any:
-    """Numbers that lie in a mapped file."""
-    count = int(np.prod(shape))
-    if place is None or place + count * np.dtype(dtype).itemsize > len(image):
-        raise UnsafeFileError(f"the file was cut off, expected a whole HDF5 file: {RETRY}")
-    return np.frombuffer(image, dtype, count, place).reshape(shape)
-
-
-DEFAULT_MAX_BYTES = MOST_IN_MEMORY
-MOVING_WALLS = "wall_t"  # times of pieces in files of older versions
 _RAISE = (
     "if it can be trusted, raise max_bytes of read_flow, or write the file without chunks and "
     "filters, which needs no memory"
@@ -110,14 +102,14 @@ _RAISE = (
 def is_flow_file(path: Path) -> bool:
     """Whether a file is a flow file, from its attribute."""
     try:
-        file = read_hdf5(path, [], DEFAULT_MAX_BYTES, _RAISE)
+        file = read_hdf5(path, [], MOST_IN_MEMORY, _RAISE)
         return bool(attribute(file.attributes, "format_name", str) == FORMAT_NAME)
     except UnsafeFileError:  # no HDF5, or another kind of it
         return False
 
 
 @checked
-def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTES) -> Flow:
+def read_flow(path: str | os.PathLike[str], *, max_bytes: int = MOST_IN_MEMORY) -> Flow:
     """Reads and checks a flow file.
 
     Args:
@@ -138,13 +130,9 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = DEFAULT_MAX_BYTE
 
 
 def _read(path: Path, max_bytes: int) -> Flow:
-    file = read_hdf5(path, [*DATASETS, MOVING_WALLS], max_bytes, _RAISE)
-    _check_version(file)
-    if MOVING_WALLS in file.datasets:
-        raise FlowFileError(
-            f"{MOVING_WALLS} must not be there, as walls stay in their place: leave out the pieces "
-            "that move, and the frames before a gate has left"
-        )
+    file = read_hdf5(path, [*DATASETS], max_bytes, _RAISE)
+    remedy = f"{WRITE_HINT}, or update granpinn"
+    check_format(file.attributes, FORMAT_NAME, FORMAT_VERSION, remedy)
     stated = {n: attribute(file.attributes, n, r.kind, r.required) for n, r in ATTRIBUTES.items()}
     stated = {name: value for name, value in stated.items() if value is not None}
     units = Units(stated["length_unit"], stated["time_unit"], stated.get("density_unit"))
@@ -206,23 +194,6 @@ def _arrays(file: Hdf5File, units: Units) -> dict[type, dict[str, Any]]:
         }
 
 
-def _check_version(file: Hdf5File) -> None:
-    name = attribute(file.attributes, "format_name", str)
-    if name != FORMAT_NAME:
-        found = "nothing" if name is None else repr(name[:40])
-        raise FlowFileError(
-            f"the attribute format_name must be '{FORMAT_NAME}', got {found}: this is another "
-            f"kind of HDF5 file; {WRITE_HINT}"
-        )
-    version = attribute(file.attributes, "format_version", list)
-    if version != [FORMAT_VERSION]:
-        found = "nothing" if version is None else ", ".join(f"{value:g}" for value in version[:4])
-        raise FlowFileError(
-            f"the attribute format_version must be {FORMAT_VERSION}, got {found}: update "
-            f"granpinn or {WRITE_HINT}"
-        )
-
-
 FRAMES_PER_CHUNK = 10
 ROWS_PER_CHUNK = 100_000
 _PACKED = {"compression": "gzip", "shuffle": True}
@@ -247,53 +218,50 @@ def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
             "a flow file has no place for the source term of a flow, got a flow with one: keep it "
             "in memory"
         )
-    with hdf5_file(path) as file:
-        _write_attributes(file, flow)
-        _write_arrays(file, flow)
-
-
-def _write_attributes(file: h5py.File, flow: Flow) -> None:
+    arrays = arrays_of(flow)
+    units = Units(flow.length_unit, flow.time_unit, flow.density_unit)
     values = {
-        **attributes_of(flow),
+        **{name: value for name, value in attributes_of(flow).items() if name not in arrays},
         "format_name": FORMAT_NAME,
         "format_version": FORMAT_VERSION,
         "gravity": np.asarray(flow.gravity, dtype=np.float64),
     }
+    packed = sum(array.nbytes for array in arrays.values()) <= MOST_IN_MEMORY
+    with hdf5_file(path) as file:
+        write_attributes(file, values)
+        for name, rule in DATASETS.items():
+            if name not in arrays:
+                continue
+            shape = arrays[name].shape
+            options: dict[str, Any] = {}
+            if packed and rule.axes == ("N",):
+                options = {"chunks": (min(ROWS_PER_CHUNK, *shape),), **_PACKED}
+            elif packed and rule.axes == GRID:
+                options = {"chunks": (min(FRAMES_PER_CHUNK, shape[0]), *shape[1:]), **_PACKED}
+            add_dataset(file, rule, units, data=arrays[name], **options)
+
+
+def add_dataset(
+    file: h5py.File, rule: DatasetRule, units: Units, /, **options: Any
+) -> h5py.Dataset:
+    """Adds a dataset with its attributes and the scales of its axes, which are added before it."""
+    dataset = file.create_dataset(rule.name, **options)
+    write_attributes(dataset, rule.described(units))
+    if rule.name in _SCALES.values():
+        dataset.make_scale(rule.name.rpartition("/")[2])
+        return dataset
+    for dimension, axis in zip(dataset.dims, rule.axes, strict=True):
+        dimension.attach_scale(file[_SCALES[axis]])
+    return dataset
+
+
+def write_attributes(place: h5py.File | h5py.Dataset, values: Mapping[str, Any]) -> None:
+    """Writes texts and numbers; None is left out."""
     for name, value in sorted(values.items()):  # equal flows make equal files
         if isinstance(value, str):
-            _write_text(file, name, value)
-        elif value is not None and not (name.startswith("sigma_") and np.ndim(value)):
-            file.attrs[name] = int(value) if isinstance(value, bool) else value
-
-
-def _write_arrays(file: h5py.File, flow: Flow) -> None:
-    arrays = arrays_of(flow)
-    packed = sum(array.nbytes for array in arrays.values()) <= MOST_IN_MEMORY
-    for rule in DATASETS.values():
-        if rule.name not in arrays:
-            continue
-        array = arrays[rule.name]
-        options: dict[str, Any] = {}
-        if packed and rule.axes == ("N",):
-            options = {"chunks": (min(ROWS_PER_CHUNK, array.size),), **_PACKED}
-        elif packed and array.ndim == 3:
-            chunks = (min(FRAMES_PER_CHUNK, array.shape[0]), *array.shape[1:])
-            options = {"chunks": chunks, **_PACKED}
-        dataset = file.create_dataset(rule.name, data=array, **options)
-        unit = Units(flow.length_unit, flow.time_unit, flow.density_unit).of(rule.quantity)
-        if unit is not None:
-            _write_text(dataset, "units", unit)
-    for name in _SCALES.values():
-        if name in arrays:
-            file[name].make_scale(name.rpartition("/")[2])
-    for rule in DATASETS.values():
-        if rule.name in arrays and rule.name not in _SCALES.values():
-            for axis, axis_name in enumerate(rule.axes):
-                file[rule.name].dims[axis].attach_scale(file[_SCALES[axis_name]])
-
-
-def _write_text(place: h5py.File | h5py.Dataset, name: str, text: str) -> None:
-    """Writes a fixed-length string: HDF5 hangs on some damaged variable-length ones."""
-    encoded = text.encode()
-    kind = h5py.string_dtype("utf-8", max(len(encoded), 1))
-    place.attrs.create(name, np.array(encoded, dtype=kind), dtype=kind)
+            # Of fixed length: HDF5 hangs on some damaged strings of variable length.
+            encoded = value.encode()
+            kind = h5py.string_dtype("utf-8", max(len(encoded), 1))
+            place.attrs.create(name, np.array(encoded, dtype=kind), dtype=kind)
+        elif value is not None:
+            place.attrs[name] = int(value) if isinstance(value, bool) else value

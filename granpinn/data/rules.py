@@ -7,11 +7,10 @@ Here is what must fit together.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
-from granpinn.arrays import Bool, Float64
+from granpinn.arrays import Bool, Float64, Floats
 from granpinn.data.flow import (
     LARGEST,
     LEAST,
@@ -24,13 +23,14 @@ from granpinn.data.flow import (
     Walls,
 )
 from granpinn.data.large import slabs
-from granpinn.data.scaling import initial_height
+from granpinn.data.scaling import FLOAT32, RESOLUTION, initial_height, scales_of
 from granpinn.data.schema import (
     ATTRIBUTES,
     arrays_in,
     arrays_of,
     attributes_of,
     check_layout,
+    check_pairs,
     check_range,
     check_ranges,
 )
@@ -53,36 +53,27 @@ def check_flow(flow: Flow) -> None:
     """Raises FlowFileError if the flow breaks a rule of the format."""
     for arrays in (arrays_of(flow), arrays_in(flow)):
         check_layout(arrays)
-    _check_constants(flow)
+    check_constants(flow)
     arrays = arrays_of(flow) | arrays_in(flow)
+    check_pairs({**arrays, **{n: a for n, a in attributes_of(flow).items() if a is not None}})
     check_ranges({name: a for name, a in arrays.items() if a.ndim == 1})
     for frames in slabs(flow):
         check_ranges({name: a[frames] for name, a in arrays.items() if a.ndim == 3})
     for name, values in (("t", flow.t), ("y", flow.y), ("x", flow.x)):
-        _check_steps(name, values)
+        _check_order(name, values)
     _check_symmetries(flow)
     _check_grains(flow)
+    _check_precision(flow)
     _check_velocity(flow)
-    _check_sigma(flow)
+    _check_known(flow)
     if flow.surface is not None:
         _check_surface(flow, flow.surface)
     if flow.walls is not None:
         _check_walls(flow, flow.walls)
 
 
-def check_constants(**constants: Any) -> None:
-    """Checks the fields of a Flow that are no arrays, before there are any arrays.
-
-    Raises:
-        FlowFileError: one breaks a rule.
-    """
-    nothing = np.empty(0)
-    arrays: dict[str, Any] = dict.fromkeys(("t", "y", "x", "u", "v", "c"), nothing)
-    _check_constants(Flow(**arrays, **constants))
-
-
-def _check_constants(flow: Flow) -> None:
-    """Numbers and texts that are no arrays."""
+def check_constants(flow: Flow) -> None:
+    """Raises FlowFileError if a number or a text breaks a rule; the arrays may be empty."""
     for name, value in flow.attributes.items():
         if not name.isidentifier() or not isinstance(value, str | int | float | np.number):
             raise FlowFileError(
@@ -131,8 +122,8 @@ def _check_constants(flow: Flow) -> None:
         )
 
 
-def _check_steps(name: str, values: Float64) -> None:
-    """A coordinate increases, by more than its rounding."""
+def _check_order(name: str, values: Float64) -> None:
+    """A coordinate increases."""
     steps = np.diff(values)
     if not (steps > 0).all():
         i = int(np.argmin(steps > 0))
@@ -140,15 +131,27 @@ def _check_steps(name: str, values: Float64) -> None:
             f"{name} must increase strictly, got {values[i]:g} then {values[i + 1]:g} at index "
             f"{i}: sort the data along {name}"
         )
-    if steps.size == 0:  # a steady flow: its time has no effect
-        return
-    rounding = float(np.spacing(np.abs(values).max()))
-    if rounding > LARGEST_ROUNDING * steps.min():
-        raise FlowFileError(
-            f"{name} must be far more precise than its steps, got steps down to {steps.min():g} "
-            f"around {values[int(np.argmin(steps))]:g}, where float64 has a spacing of "
-            f"{rounding:g}: subtract the first value before the file is written"
+
+
+def _check_precision(flow: Flow) -> None:
+    """The steps of a coordinate exceed its rounding in float64, and in a training."""
+    scales = scales_of(flow)
+    units = {"t": scales.time, "y": scales.length, "x": scales.length}
+    for name, unit in units.items():
+        values = getattr(flow, name)
+        steps = np.diff(values)
+        rounding = max(
+            float(np.spacing(np.abs(values).max())) / LARGEST_ROUNDING,
+            2 * FLOAT32 * float(np.ptp(values)),
+            RESOLUTION * unit,
         )
+        if rounding > steps.min(initial=np.inf):
+            raise FlowFileError(
+                f"{name} must have steps of at least {rounding:g}, as numbers of its size are "
+                f"rounded, got {steps.min():g} after {values[int(np.argmin(steps))]:g}: subtract "
+                "the first value before the file is written, correct the unit, or leave out values "
+                "that are too close"
+            )
 
 
 def _check_symmetries(flow: Flow) -> None:
@@ -190,15 +193,20 @@ def _in_any_cell(mask: Bool) -> Bool:
     return np.asarray(mask.any(axis=(1, 2)))
 
 
-def _check_velocity(flow: Flow) -> None:
-    """Vectors have both components, and are there in every frame; a pressure is there in grains."""
-    parts = slabs(flow)
-    one_sided = sum(int((np.isnan(flow.u[k]) != np.isnan(flow.v[k])).sum()) for k in parts)
-    if one_sided:
+def _check_gaps(a: Floats, b: Floats, names: str) -> None:
+    """Two components have their gaps in common."""
+    if count := int((np.isnan(a) != np.isnan(b)).sum()):
         raise FlowFileError(
-            f"u and v must be NaN at the same points, got {one_sided} where only one of them "
-            "is: set both to NaN"
+            f"{names} must be NaN at the same points, got {count} where only one of them is: set "
+            "both to NaN"
         )
+
+
+def _check_velocity(flow: Flow) -> None:
+    """Vectors have both components, and are there in every frame."""
+    parts = slabs(flow)
+    for k in parts:
+        _check_gaps(flow.u[k], flow.v[k], "u and v")
     empty = np.concatenate([_without_vectors(flow, k) for k in parts])
     if empty.any():
         first = int(np.argmax(empty))
@@ -206,11 +214,6 @@ def _check_velocity(flow: Flow) -> None:
             f"u and v must hold valid vectors among the grains in every frame, got only NaN in "
             f"{int(empty.sum())} of {len(empty)} frames (first: t = {flow.t[first]:g}): "
             "leave these frames out"
-        )
-    if flow.p is not None and any(np.isnan(flow.p[k][flow.c[k] >= 1]).any() for k in parts):
-        raise FlowFileError(
-            "p must be finite where c = 1, got NaN: give the reference pressure at every point "
-            "with grains or leave p out"
         )
 
 
@@ -220,19 +223,14 @@ def _without_vectors(flow: Flow, frames: slice) -> Bool:
     return empty | (_in_any_cell(flow.c[frames] >= 1) & ~_in_any_cell(flow.valid_in(frames)))
 
 
-def _check_sigma(flow: Flow) -> None:
-    """Standard deviations come in pairs, and are positive at every valid vector."""
-    pair = {"sigma_u": flow.sigma_u, "sigma_v": flow.sigma_v}
-    missing = [name for name, sigma in pair.items() if sigma is None]
-    if len(missing) == 1:
-        raise FlowFileError(
-            f"sigma_u and sigma_v must come together, got no {missing[0]}: add it or leave both out"
-        )
-    remedy = "give the standard deviation of every valid vector, or leave sigma_u and sigma_v out"
-    for name, sigma in pair.items():
-        if isinstance(sigma, np.ndarray):
-            for k in slabs(flow):
-                check_range(name, sigma[k][flow.valid_in(k)], LEAST, LARGEST, remedy=remedy)
+def _check_known(flow: Flow) -> None:
+    """Grains have a pressure, and valid vectors standard deviations, if the flow has any."""
+    for name in ("p", "sigma_u", "sigma_v"):
+        values, low = getattr(flow, name), -LARGEST if name == "p" else LEAST
+        for k in slabs(flow) if isinstance(values, np.ndarray) else ():
+            where = flow.c[k] >= 1 if name == "p" else flow.valid_in(k)
+            remedy = "give it everywhere in the grains, or leave it out"
+            check_range(name, np.where(where, values[k], 1.0), low, LARGEST, remedy=remedy)
 
 
 def _check_surface(flow: Flow, surface: Surface) -> None:
@@ -257,18 +255,8 @@ def _check_within(what: str, values: Float64, name: str, grid: Float64, margin: 
 
 
 def _check_walls(flow: Flow, walls: Walls) -> None:
-    m, parts = walls.x.size, np.isnan(walls.x)
-    if m > MOST_WALL_POINTS:
-        raise FlowFileError(
-            f"wall_x must hold at most {MOST_WALL_POINTS} points, got {m}: a straight wall needs "
-            "its two ends only"
-        )
-    if not np.array_equal(parts, np.isnan(walls.y)):
-        raise FlowFileError(
-            "wall_x and wall_y must be NaN at the same points, where two pieces of wall part, got "
-            f"NaN in one of them alone at index {int(np.argmax(parts != np.isnan(walls.y)))}: "
-            "set both to NaN or neither"
-        )
+    parts = np.isnan(walls.x)
+    _check_gaps(walls.x, walls.y, "wall_x and wall_y")
     _check_pieces(parts, np.stack([walls.x, walls.y], 1))
     for name in ("x", "y"):
         grid = getattr(flow, name)
@@ -281,7 +269,7 @@ def _check_walls(flow: Flow, walls: Walls) -> None:
             "wall_slip must be 0 where grains move with the wall and 1 where they may slip along "
             f"it, got {wrong:g}: correct it"
         )
-    _check_length(flow, walls)
+    _check_size(flow, walls)
 
 
 def _check_pieces(parts: Bool, place: Float64) -> None:
@@ -297,13 +285,12 @@ def _check_pieces(parts: Bool, place: Float64) -> None:
         )
 
 
-def _check_length(flow: Flow, walls: Walls) -> None:
+def _check_size(flow: Flow, walls: Walls) -> None:
     """Every spacing of a wall becomes a point of the training, in every frame."""
-    length = float(segments_of(walls).length.sum())
-    spacing = max(flow.spacing)
-    if length > MOST_WALL_POINTS * spacing:
+    size = max(walls.x.size, float(segments_of(walls).length.sum()) / max(flow.spacing))
+    if size > MOST_WALL_POINTS:
         raise FlowFileError(
-            f"wall_x and wall_y must be lines of at most {MOST_WALL_POINTS} times the grid spacing "
-            f"{spacing:g}, all together, got {length:g}: leave out what no grains "
-            "touch, and lines that go to and fro"
+            f"walls must have at most {MOST_WALL_POINTS} points, and as many spacings of the grid "
+            f"along them, got {size:.4g}: give the two ends of a straight wall, and leave out "
+            "what no grains touch, and lines that go to and fro"
         )

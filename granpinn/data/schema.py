@@ -9,7 +9,7 @@ either the grid or the particles. The meaning of the entries stands at the field
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -32,6 +32,7 @@ from granpinn.data.flow import (
     Surface,
     Walls,
 )
+from granpinn.declared import shown
 from granpinn.physics.law_values import PARAMETERS
 from granpinn.regular import UnsafeFileError
 
@@ -75,6 +76,7 @@ class DatasetRule(NamedTuple):
         quantity: whose unit it has.
         low, high: the range of its values.
         gaps: whether NaN stands where there is no value.
+        title: what it is, for other programs.
     """
 
     name: str
@@ -86,12 +88,18 @@ class DatasetRule(NamedTuple):
     low: float = -LARGEST
     high: float = LARGEST
     gaps: bool = False
+    title: str = ""
 
     def __str__(self) -> str:
         return f"{' or '.join(self.dtypes)} [{', '.join(self.axes)}]"
 
+    def described(self, units: Units) -> dict[str, str]:
+        """The attributes of the dataset."""
+        texts = {"long_name": self.title, "units": units.of(self.quantity)}
+        return {name: text for name, text in texts.items() if text}
 
-_GRID, _N, _SURFACE, _WALL = ("T", "Y", "X"), ("N",), ("n",), ("m",)
+
+GRID, _N, _SURFACE, _WALL = ("T", "Y", "X"), ("N",), ("n",), ("m",)
 _SINGLE, _DOUBLE = ("float32",), ("float64",)
 # Volume fractions of a solver exceed 0..1 by rounding errors; a larger excess is a mistake.
 FRACTION_TOLERANCE = 1e-6
@@ -109,12 +117,12 @@ RECORDS: dict[type, tuple[str, tuple[DatasetRule, ...]]] = {
             DatasetRule("t", ("T",), _DOUBLE, "float64", "time", True),
             DatasetRule("y", ("Y",), _DOUBLE, "float64", "length", True),
             DatasetRule("x", ("X",), _DOUBLE, "float64", "length", True),
-            DatasetRule("c", _GRID, _SINGLE, "float32", "number", True, **_FRACTION),
-            DatasetRule("u", _GRID, _BOTH, None, "velocity", True, gaps=True),
-            DatasetRule("v", _GRID, _BOTH, None, "velocity", True, gaps=True),
-            DatasetRule("p", _GRID, _SINGLE, "float32", "pressure", gaps=True),
-            DatasetRule("sigma_u", _GRID, _SINGLE, "float32", "velocity", gaps=True),
-            DatasetRule("sigma_v", _GRID, _SINGLE, "float32", "velocity", gaps=True),
+            DatasetRule("c", GRID, _SINGLE, "float32", "number", True, **_FRACTION),
+            DatasetRule("u", GRID, _BOTH, None, "velocity", True, gaps=True),
+            DatasetRule("v", GRID, _BOTH, None, "velocity", True, gaps=True),
+            DatasetRule("p", GRID, _SINGLE, "float32", "pressure", gaps=True),
+            DatasetRule("sigma_u", GRID, _SINGLE, "float32", "velocity", gaps=True),
+            DatasetRule("sigma_v", GRID, _SINGLE, "float32", "velocity", gaps=True),
         ),
     ),
     Particles: (
@@ -151,7 +159,12 @@ RECORDS: dict[type, tuple[str, tuple[DatasetRule, ...]]] = {
     ),
 }
 DATASETS = {rule.name: rule for _, rules in RECORDS.values() for rule in rules}
-PAIRS = (("wall_u", "wall_v"), ("particles/sigma_u", "particles/sigma_v"))
+# What comes together, as a dataset or an attribute.
+PAIRS = (
+    ("wall_u", "wall_v"),
+    ("particles/sigma_u", "particles/sigma_v"),
+    ("sigma_u", "sigma_v"),
+)
 
 
 class AttributeRule(NamedTuple):
@@ -243,6 +256,15 @@ def attribute(stated: Mapping[str, Any], name: str, kind: type, required: bool =
     raise UnsafeFileError(f"the attribute {name} must be {expected}, got {found}: write it as such")
 
 
+def check_format(stated: Mapping[str, Any], name: str, version: int, remedy: str) -> None:
+    """Raises UnsafeFileError unless the attributes of a file state this format and version."""
+    for key, kind, wanted in (("format_name", str, name), ("format_version", float, version)):
+        if (found := attribute(stated, key, kind)) != wanted:
+            raise UnsafeFileError(
+                f"the attribute {key} must be {wanted!r}, got {shown(found)}: {remedy}"
+            )
+
+
 def check_conventions(name: str, attributes: Mapping[str, Any], wanted: str | None) -> None:
     """Raises FlowFileError if an attribute of a dataset changes its numbers or their unit.
 
@@ -278,7 +300,6 @@ def check_layout(found: Mapping[str, Any]) -> None:
     Args:
         found: every dataset of the format that a file or a flow has, with its `shape` and `dtype`.
     """
-    sizes: dict[str, int] = {}
     there = {
         kind: [rule.name for rule in rules if rule.name in found]
         for kind, (_, rules) in RECORDS.items()
@@ -290,21 +311,39 @@ def check_layout(found: Mapping[str, Any]) -> None:
         )
     vectors = Particles if there[Particles] else Flow
     for kind, (_, rules) in RECORDS.items():
-        for rule in rules if there[kind] or kind is vectors else ():
-            if rule.name in found:
-                _check_one_layout(rule, found[rule.name], sizes)
-            elif rule.required:
-                raise FlowFileError(
-                    f"{rule.name} is missing: expected a dataset {rule.name} {rule}, found "
-                    f"{', '.join(found) or 'none of the format'}; add it"
-                    + ", NaN where nothing is known"
-                    * rule.gaps
-                )
+        if there[kind] or kind is vectors:
+            check_rules(rules, found)
+
+
+def check_pairs(found: Collection[str]) -> None:
+    """Raises FlowFileError if one of two names that come together is missing."""
     for pair in PAIRS:
         if len(lacking := [name for name in pair if name not in found]) == 1:
             raise FlowFileError(
                 f"{' and '.join(pair)} must come together, got no {lacking[0]}: add it or leave "
                 "both out"
+            )
+
+
+def check_rules(
+    rules: Iterable[DatasetRule], found: Mapping[str, Any], hint: str = WRITE_HINT
+) -> None:
+    """Checks the presence, types and shapes of the datasets of one record.
+
+    Args:
+        found: as in `check_layout`.
+        hint: what else may be done about a wrong type.
+    """
+    sizes: dict[str, int] = {}
+    for rule in rules:
+        if rule.name in found:
+            _check_one_layout(rule, found[rule.name], sizes, hint)
+        elif rule.required:
+            raise FlowFileError(
+                f"{rule.name} is missing: expected a dataset {rule.name} {rule}, found "
+                f"{', '.join(found) or 'none of the format'}; add it"
+                + ", NaN where nothing is known"
+                * rule.gaps
             )
 
 
@@ -343,12 +382,12 @@ def check_ranges(arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         check_range(name, values, rule.low, rule.high, rule.gaps)
 
 
-def _check_one_layout(rule: DatasetRule, dataset: Any, sizes: dict[str, int]) -> None:
+def _check_one_layout(rule: DatasetRule, dataset: Any, sizes: dict[str, int], hint: str) -> None:
     """Checks one dataset against its rule; `sizes` collects the length of every axis."""
     name, shape, dtype = rule.name, dataset.shape, str(dataset.dtype)
     if dtype not in rule.dtypes or len(shape) != len(rule.axes):
         raise FlowFileError(
-            f"{name} must be {rule}, got {dtype} {list(shape)}: convert it or {WRITE_HINT}"
+            f"{name} must be {rule}, got {dtype} {list(shape)}: convert it or {hint}"
         )
     points = {"n": "surface", "m": "walls"}.get(rule.axes[0])
     least = 1 if points or rule.axes == ("T",) else 2  # one frame is a steady flow

@@ -12,7 +12,6 @@ warning.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -23,7 +22,7 @@ import scipy
 from granpinn.arrays import Bool, Float64, Index
 from granpinn.data.flow import Flow, Walls
 from granpinn.data.walls import Segments, crossed, samples, segments_of
-from granpinn.errors import FlowFileWarning
+from granpinn.errors import warn
 from granpinn.physics.terms import TERMS
 
 REACH = 1.5  # spacings from a wall to the nearest vector of grains that touch it
@@ -226,7 +225,6 @@ def warn_of_contradictions(facts: Sequence[WallFacts]) -> None:
     """Warns of the first walls that the vectors contradict, and says how many more there are."""
     sentences = contradictions(facts)
     for sentence in sentences[:MOST_WARNINGS]:
-        warnings.warn(sentence, FlowFileWarning, stacklevel=3)
+        warn(sentence)
     if (more := len(sentences) - MOST_WARNINGS) > 0:
-        text = f"the vectors contradict {more} more walls: granpinn inspect --json lists them"
-        warnings.warn(text, FlowFileWarning, stacklevel=3)
+        warn(f"the vectors contradict {more} more walls: granpinn inspect --json lists them")

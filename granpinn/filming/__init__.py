@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from granpinn.config import settings_of
+from granpinn.config import setting, settings_of
 from granpinn.data.flow import Flow
 from granpinn.importers import DataFileError, Settings
 from granpinn.importers.conversion import settings_from
@@ -25,12 +25,10 @@ WITHOUT = (
 class FilmSettings(Settings):
     """The settings of a conversion, and the part of the pictures to use."""
 
-    roi: str | None = field(
-        default=None,
-        metadata={
-            "group": "files",
-            "help": "region of interest in px from the upper left corner, LEFT:RIGHT,TOP:BOTTOM",
-        },
+    roi: str | None = setting(
+        None,
+        "region of interest in px from the upper left corner, LEFT:RIGHT,TOP:BOTTOM",
+        group="files",
     )
 
 

@@ -6,7 +6,6 @@ import dataclasses
 import itertools
 import math
 import re
-import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from granpinn.arrays import Bool
 from granpinn.data.flow import Flow, Surface
-from granpinn.errors import FlowFileWarning
+from granpinn.errors import warn
 from granpinn.filming import FilmSettings
 from granpinn.filming.frames import ImageSequence, Picture
 from granpinn.filming.segmentation import Segmentation, segmented
@@ -74,7 +73,7 @@ def measure(
     film = survey(frames, segmentation)
     said = faults(film)
     for text in said:
-        warnings.warn(text, FlowFileWarning, stacklevel=3)
+        warn(text)
     released, acceleration = release(film)
     reach = _reach(film, released or 0.0, settings)
     vectors, shown, levels = _vectors(frames, reach, segmentation, settings.fewest_frames)
@@ -150,20 +149,19 @@ def _below(line: Surface, vectors: pd.DataFrame, rows: int, grain: float) -> Boo
 
 def _calibration(settings: FilmSettings) -> tuple[float, float, float]:
     """Diameter of a grain in px, m per px, s per frame."""
-    d, scale, rate = settings.grain_diameter, settings.scale, settings.frame_rate
-    if d is None or scale is None or rate is None:
+    known, d = settings.calibration, settings.number("grain_diameter")
+    if known.pixel is None or known.interval is None or d is None:
         raise DataFileError(
             "a film needs --scale '0.12 mm/px', --frame-rate '1500 Hz' and --grain-diameter "
             "'0.8 mm': give all of them"
         )
-    pixel, frame = units.scale(scale), units.frame_time(rate, "--frame-rate")
-    grain = units.SI.number(d, "length", "--grain-diameter") / pixel
+    grain = d / known.pixel
     if not 2 <= grain <= 100:
         raise DataFileError(
             f"a grain must be 2 to 100 px wide, got {grain:.3g} px: check --scale and "
             "--grain-diameter, or film from another distance"
         )
-    return grain, pixel, frame
+    return grain, known.pixel, known.interval
 
 
 def _region(roi: str | None) -> tuple[slice, slice]:
@@ -251,7 +249,7 @@ def _require_falling(share: float, descent: float, force: bool) -> None:
         f"to {FAST}: check --frame-rate, whose square is in it, and --scale"
     )
     if share < SLOW:
-        warnings.warn(said, FlowFileWarning, stacklevel=4)
+        warn(said)
     if descent < -RISING:
         said = (
             "grains must fall on the average, but they rise: turn the pictures the right way up, "

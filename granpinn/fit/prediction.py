@@ -9,7 +9,7 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from torch import Tensor
+from torch import Tensor, from_numpy
 
 from granpinn.arrays import Float32, Floats
 from granpinn.data import Flow
@@ -19,7 +19,7 @@ from granpinn.fit.network import TrainedNetwork
 from granpinn.physics.scales import Scales
 from granpinn.results import Fields, Result
 from granpinn.results.fields import D2_STAGNANT, shearing
-from granpinn.training.points import TrainingSet, test_grid
+from granpinn.training.points import TrainingSet
 from granpinn.uncertainty.determined import applied, determined, percentiles
 from granpinn.uncertainty.determined import with_curve as curve_over
 
@@ -30,13 +30,14 @@ def predict(flow: Flow, network: TrainedNetwork) -> Fields:
     Args:
         flow: the file's own flow, without added noise: u, v and p become the reference values.
     """
-    scales, (points, cells) = network.scales, test_grid(flow, network.scales)
+    scales, (frame, row, column) = network.scales, np.nonzero(flow.material)
+    points = from_numpy(scales.points_to_dimensionless(flow.x[column], flow.y[row], flow.t[frame]))
     values = network.at(points)
     if flow.source is not None:
         _subtract_source(values, flow, points, scales)
     for name, known in (("u", flow.u), ("v", flow.v), ("p", flow.p)):
         if known is not None:
-            values[f"{name}_reference"] = known[cells].astype(np.float32)
+            values[f"{name}_reference"] = known[frame, row, column].astype(np.float32)
     return Fields(
         t=flow.t,
         y=flow.y,

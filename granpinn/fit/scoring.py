@@ -18,7 +18,18 @@ from granpinn.arrays import Bool, Floats
 from granpinn.data import Flow
 from granpinn.results import ErrorPercent, Fields, Parameter, Parameters
 from granpinn.results.fields import after_start, flowing
-from granpinn.training.points import relative_l2
+
+
+def relative_l2(predicted: Floats, reference: Floats) -> float | None:
+    """eq. (errorL2) in %, over everything in the arrays (a vector field: all components).
+
+    None without points, or if the reference is zero everywhere.
+    """
+    predicted, reference = (np.asarray(f, np.float64) for f in (predicted, reference))
+    size = float(np.sum(reference**2))
+    if size == 0.0:
+        return None
+    return 100.0 * float(np.sqrt(np.sum((predicted - reference) ** 2) / size))
 
 
 def scalar_error(parameter: Parameter, true: float | None) -> float | None:

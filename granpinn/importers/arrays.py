@@ -40,11 +40,6 @@ _UNITLESS = ("chc", "p")  # a code, and a pressure that is kept for scoring only
 DATASET = "the data set"
 
 
-def sniff(path: Path, head: bytes) -> bool:
-    """A zip archive named .npz."""
-    return head.startswith(b"PK") and path.suffix.lower() == ".npz"
-
-
 def read(path: Path) -> VectorFields:
     """All frames of an .npz file."""
     return from_arrays(read_file("npz", path), str(path))
@@ -64,7 +59,7 @@ def from_arrays(arrays: Mapping[str, Any], path: str = "the arrays") -> VectorFi
             f"{path} has the unknown array {unknown[0]}: expected {', '.join(sorted(known))}"
         )
     values = {n: _numbers(arrays, n, path) for n in ("t", "y", "x", *NUMBERS) if n in arrays}
-    require_room(sum(a.size for a in values.values()), 8, path)
+    require_room(sum(a.size for a in values.values()), path)
     u, v = values["u"], values["v"]
     if u.shape != v.shape or u.ndim not in (1, 3):
         raise DataFileError(
@@ -126,7 +121,7 @@ def from_dataset(data: Any) -> VectorFields:
     import xarray
 
     names = [name for name in VARIABLES if name in data.variables]
-    require_room(sum(data[name].size for name in names), 8, DATASET)
+    require_room(sum(data[name].size for name in names), DATASET)
     try:
         data = xarray.decode_cf(data, decode_times=False)
     except (ValueError, TypeError) as error:

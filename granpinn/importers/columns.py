@@ -17,9 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granpinn.arrays import Float64
+from granpinn.data.flow import LARGEST
 from granpinn.importers import units
-from granpinn.importers.limits import read_file, require_room
-from granpinn.importers.vectors import LARGEST, DataFileError, largest
+from granpinn.importers.limits import read_file
+from granpinn.importers.vectors import DataFileError, largest
 from granpinn.regular import UnsafeFileError, first_bytes
 
 # Spellings of the columns, in lower case.
@@ -327,7 +328,6 @@ def read_table(
         decimal="," if _has_commas(lines, separator, kept) else ".",
         encoding=encoding,
     )
-    require_room(sum(a.size for a in values), 8, path)
     return TextTable(dict(zip(places, values, strict=True)), stated, tuple(named))
 
 

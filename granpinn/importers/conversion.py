@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -28,21 +27,21 @@ from granpinn.data.particles import particle_flow
 from granpinn.data.scaling import scales_of
 from granpinn.data.surface import folded
 from granpinn.declared import checked
-from granpinn.errors import FlowFileWarning
+from granpinn.errors import warn
 from granpinn.importers import points
 from granpinn.importers import surface as surfaces
 from granpinn.importers.arrays import ARRAYS, from_dataset
 from granpinn.importers.frame import (
     Frame,
     frame_of,
-    missing_units,
     require_agreement,
+    require_complete,
     stated_calibration,
     with_units,
 )
 from granpinn.importers.limits import require_room
 from granpinn.importers.series import Source, measured, selected_frames, vectors_of
-from granpinn.importers.settings import SURFACES, Settings, material_of, missing_constants
+from granpinn.importers.settings import SURFACES, Settings, material_of
 from granpinn.importers.vectors import GAPS, DataFileError, Validity, VectorFields
 
 S = TypeVar("S", bound=Settings)
@@ -74,12 +73,10 @@ def convert(
     tell = report or str
     whole = vectors_of(source, settings)
     count = sum(a.size for name, a in whole.arrays().items() if name != "validity")
-    require_room(count, 8, whole.facts.get("format", "the arrays"))
+    require_room(count, whole.facts.get("format", "the arrays"))
     tell(_described(whole))
     fields = with_units(selected_frames(measured(whole, settings), settings), settings)
-    missing = missing_units(fields, settings) + missing_constants(settings)
-    if missing:
-        raise DataFileError(f"missing: {'; '.join(missing)}")
+    require_complete(fields, settings)
     constants, lengths = material_of(settings)
     if settings.mask is not None:
         fields = surfaces.with_mask(fields, settings.mask)
@@ -99,13 +96,13 @@ def convert(
     make = scattered_flow if si.scattered else grid_flow
     flow = make(si, settings, frame, given, constants)
     if flow.surface is None and settings.surface != "none":
-        _warn(
+        warn(
             "the free surface is not known, as there is neither a mask nor a fraction field, or no "
             "edge of the grains faces up in the field of view: train with --level V0, or give "
             "--mask or --surface with the points of a line"
         )
-    for text in _summary(flow):
-        tell(text)
+    for name, text in _summary(flow).items():
+        tell(f"{name}: {text}")
     inferred = fields.facts.get("mask") == GAPS and settings.mask is None and fields.c is None
     if inferred and given is None and flow.surface is not None:
         tell(
@@ -221,7 +218,7 @@ def grid_flow(
     surface = line
     if line is not None and source == "vectors":
         if folded(fields.t, fields.x, line).any():
-            _warn(
+            warn(
                 "the line of --surface is vertical or folds back, so that it does not say alone "
                 "which cells hold grains there: give --mask"
             )
@@ -232,7 +229,7 @@ def grid_flow(
     kept = usable.any(axis=(1, 2))
     _require_frames(int(kept.sum()), settings)
     if not kept.all():
-        _warn(f"{int((~kept).sum())} of {kept.size} frames hold no valid vector and are left out")
+        warn(f"{int((~kept).sum())} of {kept.size} frames hold no valid vector and are left out")
     fields, c = fields.at(kept), c[kept]
     # The unit of a pressure is unknown, and a pressure is for scoring only.
     p = fields.p if settings.dimensionless else None
@@ -243,8 +240,7 @@ def grid_flow(
         c=c.astype(np.float32),
         p=None if p is None else p.astype(np.float32),
         surface=_within(surface, fields.t),
-        **_sigmas(fields, settings, frame, usable[kept]),
-        **constants,
+        **(constants | _sigmas(fields, settings, usable[kept])),
     )
 
 
@@ -267,11 +263,8 @@ def scattered_flow(
         if traced is not None:
             surface, sd = traced
             constants["attributes"] = {SURFACE_SD: sd, **constants["attributes"]}
-    sigmas = _sigmas(fields, settings, frame, fields.usable)
-    if settings.sigma is not None:  # one number
-        constants, sigmas = constants | sigmas, {}
     parts = {name: getattr(fields, name) for name in ("t", "x", "y", "u", "v")}
-    particles = Particles(**parts, **sigmas)
+    particles = Particles(**parts, **_sigmas(fields, settings, fields.usable))
     return particle_flow(particles, surface=_within(surface, np.unique(particles.t)), **constants)
 
 
@@ -300,11 +293,10 @@ def _within(surface: Surface | None, t: Any) -> Surface | None:
     return chosen(surface, inside)
 
 
-def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool) -> dict[str, Any]:
-    """Standard deviations from the files, or one number from the settings."""
+def _sigmas(fields: VectorFields, settings: Settings, usable: Bool) -> dict[str, Any]:
+    """Standard deviations from the files; none if the settings state one."""
     if settings.sigma is not None:
-        sigma = frame.calibration.positive(settings.sigma, "velocity", "--sigma")
-        return dict.fromkeys(("sigma_u", "sigma_v"), sigma)
+        return {}
     found: dict[str, Any] = {}
     for name in ("sigma_u", "sigma_v"):
         values = getattr(fields, name)
@@ -322,10 +314,6 @@ def _sigmas(fields: VectorFields, settings: Settings, frame: Frame, usable: Bool
         # A measured vector without a standard deviation has the largest one.
         found[name] = np.where(good, values, values[usable & good].max()).astype(np.float32)
     return found
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, FlowFileWarning, stacklevel=4)
 
 
 def _attributes(fields: VectorFields, settings: Settings) -> dict[str, str | float]:
@@ -353,12 +341,10 @@ def _window(fields: VectorFields, settings: Settings, frame: Frame) -> dict[str,
         )
     spacing = float(np.median(np.diff(np.unique(fields.x)))) * frame.length
     if not fields.scattered and window > 1.01 * MENDED * spacing:
-        warnings.warn(
+        warn(
             f"the windows are {window / spacing:.2g} spacings wide, and averaging mends "
             f"{MENDED:g}: mu(I) at large I may be some percent too large; use windows that overlap "
-            "by half",
-            FlowFileWarning,
-            stacklevel=3,
+            "by half"
         )
     return {WINDOW: window}
 
@@ -367,7 +353,7 @@ def _described(fields: VectorFields) -> str:
     """Format, size and validity of the vectors."""
     n = fields.u.size
     shares = ", ".join(
-        f"{fields.count(kind) / n:.1%} {kind.name.lower()}"
+        f"{np.mean(fields.validity == kind):.1%} {kind.name.lower()}"
         for kind in (Validity.VALID, Validity.INTERPOLATED, Validity.INVALID, Validity.MASKED)
     )
     frames = np.unique(fields.t).size
@@ -379,35 +365,24 @@ def _described(fields: VectorFields) -> str:
     return f"{origin}: {frames} frames, {shape} vectors {units}: {shares}"
 
 
-def _summary(flow: Flow) -> list[str]:
-    """Sizes and speeds that show an error of calibration at a glance."""
-    scales = scales_of(flow)
-    length, time = ("", "") if flow.length_unit == "1" else (" m", " s")
-    particles = flow.particles
-    u, v = (flow.u, flow.v) if particles is None else (particles.u, particles.v)
-    grains = flow.valid if particles is None else np.isfinite(u)
-    speed = np.hypot(u[grains], v[grains], dtype=np.float64)
-    g_x, g_y = flow.gravity
-    lines = [
-        f"time {flow.t[0]:.4g} to {flow.t[-1]:.4g}{time}, x {flow.x[0]:.4g} to {flow.x[-1]:.4g}"
-        f"{length}, y {flow.y[0]:.4g} to {flow.y[-1]:.4g}{length}",
-        f"speed: median {np.median(speed):.3g}, largest {speed.max():.3g}{length}"
-        f"{'/s' if time else ''}; a free fall over the initial height ends at "
-        f"{math.sqrt(2) * scales.velocity:.3g}",
-        f"grains: initial height {scales.length:.4g}{length} = "
-        f"{scales.length / flow.grain_diameter:.0f} diameters, {int(grains.sum())} vectors in them",
-        f"gravity ({g_x:.4g}, {g_y:.4g}), density {flow.density:.4g} (grains "
-        f"{flow.grain_density or flow.density:.4g})",
-        "free surface: "
-        + ("none (level V0)" if flow.surface is None else f"{flow.surface.t.size} points"),
-    ]
-    if flow.walls is not None:
-        lines.append(f"walls: {int(np.isfinite(flow.walls.x).sum())} points")
+def _summary(flow: Flow) -> dict[str, str]:
+    """A flow in words; sizes and speeds show an error of calibration at a glance."""
+    scales, vectors = scales_of(flow), flow.particles or flow
+    length, rate = ("", "") if flow.length_unit == "1" else (" m", "/s")
+    grains = flow.valid if vectors is flow else slice(None)
+    speed = np.hypot(vectors.u[grains], vectors.v[grains], dtype=np.float64)
+    found = flow.described() | {
+        "speed": f"median {np.median(speed):.3g}, largest {speed.max():.3g}{length}{rate}; a free "
+        f"fall over the initial height ends at {math.sqrt(2) * scales.velocity:.3g}",
+        "initial height": f"{scales.length:.4g}{length} = "
+        f"{scales.length / flow.grain_diameter:.0f} diameters",
+    }
     if gap := flow.attributes.get(WALL_GAP):
         ratio = scales.length / float(gap)
-        lines.append(
-            f"side walls: the grains are {ratio:.2g} times as high as the gap is wide; the walls "
-            f"carry up to about (wall friction) x {ratio:.2g} of friction, which train counts with "
+        found["side walls"] = (
+            f"the grains are {ratio:.2g} times as high as the gap is wide; the walls carry up to "
+            f"about (wall friction) x {ratio:.2g} of friction, which train counts with "
             "--side_walls.friction"
         )
-    return lines
+    del found["source"]
+    return found

@@ -72,17 +72,14 @@ class Frame:
 
     def moments(self, t: Float64, unit: str | None, what: str) -> Float64:
         """Times in SI of a column with its unit; a time in its own unit counts from the release."""
-        if not unit:
-            return self.times(t)
-        if not units.has(unit, "frame"):
-            return t * self.factor(unit, "time", what)
-        interval = self.calibration.interval
-        if not self.counts or interval is None:
+        counted = units.has(unit, "frame")
+        if counted and not self.counts:
             raise DataFileError(
                 f"{what} must be a time, as the vectors have times, got numbers of frames: give "
                 "a column t"
             )
-        return self.times(t * self.factor(unit, "time", what) / interval)
+        factor = self.factor(unit, "time", what)
+        return t * factor if unit and not counted else self.times(t)
 
     def factor(self, unit: str | None, dimension: str, what: str) -> float:
         """SI units in one unit of a column; without a unit it has that of the vectors.
@@ -107,19 +104,25 @@ def with_units(fields: VectorFields, settings: Settings) -> VectorFields:
     return replace(fields, length_unit=length, time_unit=time, velocity_unit=velocity)
 
 
-def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
-    """The settings that are missing for the units, one sentence part each."""
+def require_complete(fields: VectorFields, settings: Settings) -> None:
+    """Refuses settings that lack a unit or a constant that the files do not state.
+
+    Args:
+        fields: vectors `with_units`.
+
+    Raises:
+        DataFileError: one names all that is missing.
+    """
     length, time, velocity = fields.length_unit, fields.time_unit, fields.velocity_unit
     counted, rate = units.has(time, "frame"), settings.frame_rate
-    if settings.dimensionless:
-        unknown = counted and rate is None
-        return ["--times, or --frame-rate in frames per unit of time"] if unknown else []
     pixels, frames = units.has(length, "px"), units.has(velocity, "frame")
     unclear = settings.flip_y == "auto" and fields.y_down is None
     unclear = unclear and (pixels or fields.facts.get(ROWS) == MIXED)
     no_scale = settings.scale is None and (pixels or units.has(velocity, "px"))
     no_delay = not counted and frames and not (settings.pulse_delay or rate)
     without = "(the files do not say the unit of"
+    grain, bulk = settings.grain_density is None, settings.density is None
+    fraction = settings.solid_fraction is None
     needed = {
         f"--length-unit {without} x and y)": length is None,
         f"--velocity-unit {without} u and v)": not (velocity or TRACK_WINDOW in fields.facts),
@@ -128,12 +131,18 @@ def missing_units(fields: VectorFields, settings: Settings) -> list[str]:
         "--frame-rate, such as '500 Hz' (the files hold no time)": counted and rate is None,
         "--pulse-delay, such as '2 ms' (the vectors are per pair of images)": no_delay,
         "--flip-y yes or no (the files do not say whether y points down)": unclear,
+        "--grain-density, such as '2500 kg/m^3'": grain and (bulk or fraction),
+        "--solid-fraction, such as 0.6": bulk and fraction,
     }
-    return [text for text, lacking in needed.items() if lacking]
+    if settings.dimensionless:
+        needed = {"--times, or --frame-rate in frames per unit of time": counted and rate is None}
+    needed["--grain-diameter, such as '0.8 mm'"] = settings.grain_diameter is None
+    if missing := [text for text, lacking in needed.items() if lacking]:
+        raise DataFileError(f"missing: {'; '.join(missing)}")
 
 
 def frame_of(fields: VectorFields, settings: Settings) -> Frame:
-    """Calibration, origin and gravity of vectors `with_units`; `missing_units` must be empty.
+    """Calibration, origin and gravity of vectors `with_units` that are complete.
 
     Raises:
         DataFileError: a unit is wrong.

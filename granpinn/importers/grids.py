@@ -20,12 +20,9 @@ from granpinn.importers.columns import (
     NAMES,
     Column,
     TextTable,
-    header,
     layout_of,
-    lines_of,
     read_table,
     require_finite,
-    roles_in,
     text_lines,
     units_of,
 )
@@ -67,13 +64,6 @@ _FRAME = re.compile(r"FRAME:\s*+(\d++)")
 _FACTOR = re.compile(r"conversion factor (xy|uv) \((?:px -> m|px/frame -> m/s)\):\s*+([-+.\deE]++)")
 
 
-def is_pivlab(path: Path, head: bytes) -> bool:
-    """Whether the file begins like a PIVlab export."""
-    first = lines_of(head)[0].lstrip("# ")
-    named = {column.name: column.unit for column in header(first)}
-    return first.startswith(PIVLAB) or ({*"xyuv"} <= named.keys() and named["x"] in ("px", "m"))
-
-
 # OpenPIV: `openpiv.tools.save` since version 0.25. Masked vectors are written as 0.0, so only the
 # two last columns matter. The files do not state their units, which are pixels per unit of `dt` or
 # the result of `scaling.uniform`. Rows run from the top of the image.
@@ -83,20 +73,8 @@ OPENPIV_CODES = {
 }
 
 
-def is_openpiv(path: Path, head: bytes) -> bool:
-    """The names of the columns behind a #."""
-    first = lines_of(head)[0]
-    names = {column.name for column in header(first)}
-    return first.startswith("#") and names == {*"xyuv", *OPENPIV_CODES}
-
-
 # Any other program: a table that names x, y, u and v as columns.py knows them, units in brackets. y
 # points up where lengths have a unit other than px; elsewhere --flip-y says so.
-def is_table(path: Path, head: bytes) -> bool:
-    """Names of x, y, u and v above numbers."""
-    return {*"xyuv"} <= roles_in(lines_of(head), _VECTORS, "xyuv")
-
-
 def read_rows(
     path: Path,
     codes: Mapping[str, Mapping[int, Validity]] | None = None,
@@ -143,11 +121,6 @@ read_openpiv = partial(read_rows, codes=OPENPIV_CODES, required=OPENPIV_CODES)
 _DAVIS = re.compile(r"#\s*+DaVis\s++\S++\s++2D-vector\s++\d++\s++(\d++)\s++(\d++)\s*+(.*+)")
 
 
-def is_davis(path: Path, head: bytes) -> bool:
-    """Whether the first line names DaVis."""
-    return lines_of(head)[0].lstrip("# ").startswith("DaVis")
-
-
 def read_davis(path: Path) -> VectorFields:
     """One frame of the text export of DaVis."""
     first = text_lines(path)[0]
@@ -183,21 +156,15 @@ def read_davis(path: Path) -> VectorFields:
 # Basilisk: `output_field` with a header `# 1:x 2:y 3:f 4:p 5:u.x 6:u.y`. Values outside the domain
 # are `nodata`, a huge number that prints as inf. The file holds no time, which --times gives. The
 # numbers have the units of the simulation, mostly none.
-_NUMBERED = re.compile(r"(?<!\S)\d++:(\S++)")
+NUMBERED = re.compile(r"(?<!\S)\d++:(\S++)")
 _BASILISK = {"x": ("x",), "y": ("y",), "u": ("u.x",), "v": ("u.y",), "c": ("f", "c"), "p": ("p",)}
 _NODATA = 1e29  # that of single-precision builds is 1e30
-
-
-def is_basilisk(path: Path, head: bytes) -> bool:
-    """The numbered columns of output_field."""
-    first = lines_of(head)[0]
-    return first.startswith("#") and _NUMBERED.findall(first)[:2] == ["x", "y"]
 
 
 def read_basilisk(path: Path) -> VectorFields:
     """One frame of Basilisk."""
     first = text_lines(path)[0]
-    named = [Column(name) for name in _NUMBERED.findall(first)]
+    named = [Column(name) for name in NUMBERED.findall(first)]
     table = read_table(path, _BASILISK, named, "xyuv")
     parts = table.columns
     there = (np.abs(parts["u"]) < _NODATA) & (np.abs(parts["v"]) < _NODATA)

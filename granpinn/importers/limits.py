@@ -15,37 +15,27 @@ from granpinn.foreign import read_foreign
 from granpinn.importers.vectors import DataFileError
 from granpinn.regular import UnsafeFileError, open_regular_file
 
-# Of the arrays of one flow, as float64.
-MAX_BYTES = 2**33
+MAX_BYTES = 2**33  # of a file
 # The arrays of the files, those in SI units, and those of the flow exist at the same time: of u and
 # v with their validity 94 bytes a vector at the peak, of scattered vectors 196 for t, x, y, u, v.
 COPIES = 6
-_GIB = 2**30
 
 
-def require_room(values: int, bytes_per_value: float, path: Path | str) -> None:
+def require_room(values: float, path: Path | str) -> None:
     """Checks that values can be converted to a flow.
 
     Args:
         values: how many numbers there will be, such as T * Y * X times the number of arrays.
-        bytes_per_value: of one number after the conversion, 8 for float64.
         path: of the file, for the message.
 
     Raises:
-        DataFileError: the arrays would be larger than `MAX_BYTES`, or than the free memory with
-            the copies of a conversion.
+        DataFileError: the copies of a conversion would be larger than the free memory.
     """
-    size = values * bytes_per_value
-    if size > MAX_BYTES:
+    size, free = COPIES * 8 * values, available()  # of float64
+    if size > free:
         raise DataFileError(
-            f"{path} must hold at most {MAX_BYTES / _GIB:.3g} GiB of numbers, got {values} numbers "
-            f"or {size / _GIB:.3g} GiB: use fewer frames or a part of the field"
-        )
-    free = available()
-    if COPIES * size > free:
-        raise DataFileError(
-            f"{path} holds {values} numbers, whose conversion needs {COPIES * size / _GIB:.3g} GiB "
-            f"of memory, got {free / _GIB:.3g} GiB: use fewer frames or a larger machine"
+            f"{path} needs {size / 2**30:.3g} GiB of memory for its conversion, got "
+            f"{free / 2**30:.3g} GiB: use fewer frames, a part of the field or a larger machine"
         )
 
 

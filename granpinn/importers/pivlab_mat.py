@@ -34,13 +34,6 @@ NAMES = (
 )
 
 
-def sniff(path: Path, head: bytes) -> bool:
-    """Whether the file is of MATLAB; `read` checks its content."""
-    return head.startswith(b"MATLAB") or (
-        path.suffix.lower() == ".mat" and head.startswith(b"\x89HDF")
-    )
-
-
 def read(path: Path) -> VectorFields:
     """All frames of a file; see the module for the layouts."""
     file = read_file("matlab", path, names=NAMES)

@@ -6,9 +6,9 @@ import itertools
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,10 +20,13 @@ from granpinn.importers.columns import (
     NAMES,
     Column,
     head_of,
+    header,
     is_number,
+    lines_of,
     read_headed,
     read_table,
     require_finite,
+    roles_in,
     text_lines,
 )
 from granpinn.importers.grids import MIXED, ROWS
@@ -39,36 +42,23 @@ from granpinn.importers.vectors import (
 from granpinn.terminal import shell_word
 
 
-@dataclass(frozen=True)
-class Format:
-    """One file format.
-
-    Attributes:
-        title: for messages and --help.
-        sniff: tests the path and the first bytes of a file for this format.
-        read: reads a file as vector fields.
-    """
+class Format(NamedTuple):
+    """The title of a format of files, for messages and --help, and its reader."""
 
     title: str
-    sniff: Callable[[Path, bytes], bool]
     read: Callable[..., VectorFields]
 
 
 TRACKS = "tracks"
-# Strict tests come before weak ones.
 FORMATS = {
-    "pivlab-mat": Format("PIVlab .mat: frame or all frames", pivlab_mat.sniff, pivlab_mat.read),
-    TRACKS: Format(
-        "tracks of particles, a table: trackpy, TrackMate, TracTrac",
-        tracks.sniff,
-        tracks.read,
-    ),
-    "pivlab": Format("PIVlab text", grids.is_pivlab, grids.read_pivlab),
-    "davis": Format("LaVision DaVis text", grids.is_davis, grids.read_davis),
-    "basilisk": Format("Basilisk output_field", grids.is_basilisk, grids.read_basilisk),
-    "openpiv": Format("OpenPIV text", grids.is_openpiv, grids.read_openpiv),
-    "table": Format("a table of x, y, u, v", grids.is_table, grids.read_rows),
-    "npz": Format("NumPy arrays", arrays.sniff, arrays.read),
+    "pivlab-mat": Format("PIVlab .mat: frame or all frames", pivlab_mat.read),
+    TRACKS: Format("tracks of particles, a table: trackpy, TrackMate, TracTrac", tracks.read),
+    "pivlab": Format("PIVlab text", grids.read_pivlab),
+    "davis": Format("LaVision DaVis text", grids.read_davis),
+    "basilisk": Format("Basilisk output_field", grids.read_basilisk),
+    "openpiv": Format("OpenPIV text", grids.read_openpiv),
+    "table": Format("a table of x, y, u, v", grids.read_rows),
+    "npz": Format("NumPy arrays", arrays.read),
 }
 
 
@@ -77,9 +67,24 @@ def detect(path: Path) -> str:
     head = head_of(path)
     if not head:
         raise DataFileError(f"{path} is empty, expected vectors: export it again")
-    for name, found in FORMATS.items():
-        if found.sniff(path, head):
-            return name
+    lines, kind = lines_of(head), path.suffix.lower()
+    first, comment = lines[0].lstrip("# "), lines[0].startswith("#")
+    named = {column.name: column.unit for column in header(first)}
+    of_tracks, of_grids = (roles_in(lines, NAMES, required) for required in ("xy", "xyuv"))
+    pivlab = first.startswith(grids.PIVLAB)
+    matlab = head.startswith(b"MATLAB") or (kind == ".mat" and head.startswith(b"\x89HDF"))
+    shown = {  # strict tests before weak ones
+        "pivlab-mat": matlab,
+        TRACKS: not pivlab and of_tracks >= {"x", "y"} and of_tracks & {"frame", "t"},
+        "pivlab": pivlab or (named.keys() >= {*"xyuv"} and named["x"] in ("px", "m")),
+        "davis": first.startswith("DaVis"),
+        "basilisk": comment and grids.NUMBERED.findall(first)[:2] == ["x", "y"],
+        "openpiv": comment and named.keys() == {*"xyuv", *grids.OPENPIV_CODES},
+        "table": of_grids >= {*"xyuv"},
+        "npz": head.startswith(b"PK") and kind == ".npz",
+    }
+    if found := next((name for name in FORMATS if shown[name]), None):
+        return found
     if is_flow_file(path):
         raise DataFileError(
             f"{path} is a flow file already: python -m granpinn.train {shell_word(path)}"
@@ -244,7 +249,7 @@ def read_vectors(
         if count and np.unique(part.t).size == 1:
             part = replace(part, t=np.zeros_like(part.t), time_unit="frame")
         parts.append(part)
-        require_room(len(files) * part.u.size * (len(part.arrays()) - 1), 8, file)
+        require_room(len(files) * part.u.size * (len(part.arrays()) - 1), file)
     facts = {"format": FORMATS[name].title, "files": str(len(files))}
     joined = parts[0] if len(parts) == 1 else _joined(files, parts)
     return replace(joined, facts=joined.facts | facts)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 from granpinn.config.fields import flag_of, setting
@@ -20,165 +21,133 @@ QUANTITIES = {
     **dict.fromkeys(("grain_density", "density"), "density"),
     "gravity": "acceleration",
     "start": "time",
+    "sigma": "velocity",
 }
+_files, _calibration, _frame, _flow, _material, _grains = (
+    partial(setting, group=name)
+    for name in ("files", "calibration", "frame", "flow", "material", "grains")
+)
 
 
 @dataclass(frozen=True)
 class Settings:
     """Numbers with units are text, such as "0.12 mm/px"; None means not given."""
 
-    format: str = setting("auto", "format of the files, auto = from their content", group="files")
-    zeros: Literal["measured", "missing"] = setting(
-        "measured", "vectors that are exactly (0, 0): measured, or missing", group="files"
+    format: str = _files("auto", "format of the files, auto = from their content")
+    zeros: Literal["measured", "missing"] = _files(
+        "measured", "vectors that are exactly (0, 0): measured, or missing"
     )
-    frames: str | None = setting(
-        None, "frames to use, FIRST:LAST:STEP counted from 0 (LAST not included)", group="files"
+    frames: str | None = _files(
+        None, "frames to use, FIRST:LAST:STEP counted from 0 (LAST not included)"
     )
-    keep_interpolated: bool = setting(
-        False, "use interpolated vectors as if they were measured", group="files"
-    )
-    force: bool = setting(
-        False,
-        "write the flow file although a check calls it impossible",
-        group="files",
-    )
-    track_window: int = setting(
-        5, "frames of the local polynomial that gives the velocity of a track; odd", group="files"
+    keep_interpolated: bool = _files(False, "use interpolated vectors as if they were measured")
+    force: bool = _files(False, "write the flow file although a check calls it impossible")
+    track_window: int = _files(
+        5, "frames of the local polynomial that gives the velocity of a track; odd"
     )
 
-    scale: str | None = setting(
-        None,
-        "size of a pixel, '0.12 mm/px'; needed where lengths are in pixels",
-        group="calibration",
+    scale: str | None = _calibration(
+        None, "size of a pixel, '0.12 mm/px'; needed where lengths are in pixels"
     )
-    frame_rate: str | None = setting(
-        None,
-        "velocity fields per second, '500 Hz', or the time between two, '2 ms'",
-        group="calibration",
+    frame_rate: str | None = _calibration(
+        None, "velocity fields per second, '500 Hz', or the time between two, '2 ms'"
     )
-    pulse_delay: str | None = setting(
-        None,
-        "time between the two images of a pair, of double frames; default 1 / frame rate",
-        group="calibration",
+    pulse_delay: str | None = _calibration(
+        None, "time between the two images of a pair, of double frames; default 1 / frame rate"
     )
-    start: str | None = setting(
+    start: str | None = _calibration(
         None,
         "time of the first frame since the release of the grains, '4 ms'; "
         "default half a frame for fields between two images, 0 for tracks",
-        group="calibration",
     )
-    times: str | None = setting(
+    times: str | None = _calibration(
         None,
         "file with one time per frame, first line such as 't [s]' or 'frame;t [ms]'; or "
         "'name': the last number in the name of each file",
-        group="calibration",
     )
-    length_unit: str | None = setting(
-        None, "unit of x and y, where the files do not say or say it wrong", group="calibration"
+    length_unit: str | None = _calibration(
+        None, "unit of x and y, where the files do not say or say it wrong"
     )
-    time_unit: str | None = setting(None, "unit of t, likewise", group="calibration")
-    velocity_unit: str | None = setting(
-        None, "unit of u and v, likewise; default length unit / time unit", group="calibration"
+    time_unit: str | None = _calibration(None, "unit of t, likewise")
+    velocity_unit: str | None = _calibration(
+        None, "unit of u and v, likewise; default length unit / time unit"
     )
-    window: str | None = setting(
+    window: str | None = _calibration(
         None,
         "side of the interrogation windows of PIV, '32 px' (of the last pass): each vector is a "
         "mean over it, and so is then the velocity of the network",
-        group="calibration",
     )
-    dimensionless: bool = setting(
-        False,
-        "the data have no units (simulations): give plain numbers everywhere",
-        group="calibration",
+    dimensionless: bool = _calibration(
+        False, "the data have no units (simulations): give plain numbers everywhere"
     )
 
-    origin: str | None = setting(
+    origin: str | None = _frame(
         None,
         "the point x,y in the coordinates of the files that becomes 0,0; default "
         "the lower left vector for images, else the origin of the files",
-        group="frame",
     )
-    flip_y: Literal["auto", "yes", "no"] = setting(
-        "auto",
-        "turn y and v around: yes, no, or auto = where y points down as in images",
-        group="frame",
+    flip_y: Literal["auto", "yes", "no"] = _frame(
+        "auto", "turn y and v around: yes, no, or auto = where y points down as in images"
     )
-    gravity: str = setting("9.81 m/s^2", "strength of gravity; 1 if dimensionless", group="frame")
-    tilt: str = setting(
+    gravity: str = _frame("9.81 m/s^2", "strength of gravity; 1 if dimensionless")
+    tilt: str = _frame(
         "0 deg",
         "angle of a plumb line in the image: positive if its lower end is to the "
         "right of the upper one; rotates gravity, so a tilted camera or chute needs no rotation",
-        group="frame",
     )
 
-    steady: bool = setting(
-        False, "the flow is steady: one frame, its mean over time, is enough", group="flow"
-    )
-    period_x: str | None = setting(
+    steady: bool = _flow(False, "the flow is steady: one frame, its mean over time, is enough")
+    period_x: str | None = _flow(
         None,
         "length of the period along x, '0.5 m', of periodic sides; of a uniform slope any length "
         "above that of the picture",
-        group="flow",
     )
 
-    grain_diameter: str | None = setting(None, "mean grain diameter, '0.8 mm'", group="material")
-    grain_density: str | None = setting(
-        None, "density of a grain, '2500 kg/m^3'; enters the inertial number", group="material"
+    grain_diameter: str | None = _material(None, "mean grain diameter, '0.8 mm'")
+    grain_density: str | None = _material(
+        None, "density of a grain, '2500 kg/m^3'; enters the inertial number"
     )
-    solid_fraction: float | None = setting(
-        None,
-        "volume of grains / volume, such as 0.6; bulk density = grain density x it",
-        group="material",
+    solid_fraction: float | None = _material(
+        None, "volume of grains / volume, such as 0.6; bulk density = grain density x it"
     )
-    density: str | None = setting(
-        None, "bulk density, '1500 kg/m^3', in place of the solid fraction", group="material"
+    density: str | None = _material(
+        None, "bulk density, '1500 kg/m^3', in place of the solid fraction"
     )
-    sigma: str | None = setting(
-        None,
-        "standard deviation of u and of v, '0.1 px/frame'; default from the files",
-        group="material",
+    sigma: str | None = _material(
+        None, "standard deviation of u and of v, '0.1 px/frame'; default from the files"
     )
 
-    mask: str | None = setting(
-        None,
-        "image, or pattern of one image per frame, black where there are no grains",
-        group="grains",
+    mask: str | None = _grains(
+        None, "image, or pattern of one image per frame, black where there are no grains"
     )
-    surface: str = setting(
+    surface: str = _grains(
         "auto",
         "line of the free surface: none, a CSV file with the "
         "columns t (or frame), x, y, or auto = from the fraction field or the mask, if any",
-        group="grains",
     )
-    walls: str | None = setting(
+    walls: str | None = _grains(
         None,
         "CSV file of walls: columns x, y of points in order, nan between two pieces; if known u, "
         "v (motion of the wall), slip (0: grains move with the wall, 1: not), p "
         "(normal stress)",
-        group="grains",
     )
-    surface_sd: str | None = setting(
+    surface_sd: str | None = _grains(
         None,
         "how well the line of the free surface is known, '0.4 mm': standard deviation of an offset "
         "of the whole line; default half a grain, or half a spacing where a mask gives the line",
-        group="grains",
     )
-    wall_gap: str | None = setting(
-        None,
-        "distance between the side walls, '20 mm'; their friction is then in the equations",
-        group="grains",
+    wall_gap: str | None = _grains(
+        None, "distance between the side walls, '20 mm'; their friction is then in the equations"
     )
-    grid_spacing_of_solver: str | None = setting(
+    grid_spacing_of_solver: str | None = _grains(
         None,
         "cell of the solver, if a simulation made the data, '0.1 mm': shear bands are then as wide "
         "as its cells, and partly filled cells are kept",
-        group="grains",
     )
-    averaging_length_of_solver: str | None = setting(
+    averaging_length_of_solver: str | None = _grains(
         None,
         "length of the mean strain rate in the friction law of the solver; default that of central "
         "differences, 0.82 cells",
-        group="grains",
     )
 
     @property
@@ -215,24 +184,10 @@ class Settings:
             )
 
 
-def missing_constants(settings: Settings) -> list[str]:
-    """The settings that are missing for the constants, one sentence part each."""
-    missing = []
-    if settings.grain_diameter is None:
-        missing.append("--grain-diameter, such as '0.8 mm'")
-    known = settings.grain_density, settings.solid_fraction, settings.density
-    if not settings.dimensionless and sum(value is not None for value in known) < 2:
-        if settings.grain_density is None:
-            missing.append("--grain-density, such as '2500 kg/m^3'")
-        if settings.solid_fraction is None and settings.density is None:
-            missing.append("--solid-fraction, such as 0.6")
-    return missing
-
-
 def material_of(settings: Settings) -> tuple[dict[str, Any], dict[str, float]]:
     """The constants of the grains as fields of a flow, and lengths as attributes of its file.
 
-    The bulk density is that of a grain times the solid fraction. `missing_constants` must be empty.
+    The bulk density is that of a grain times the solid fraction. They must be complete.
     """
     grain, bulk = settings.number("grain_density"), settings.number("density")
     fraction = settings.solid_fraction
@@ -252,6 +207,7 @@ def material_of(settings: Settings) -> tuple[dict[str, Any], dict[str, float]]:
         "density_unit": None if settings.dimensionless else "kg/m^3",
         "length_unit": "1" if settings.dimensionless else "m",
         "time_unit": "1" if settings.dimensionless else "s",
+        **dict.fromkeys(("sigma_u", "sigma_v"), settings.number("sigma")),
     }
     lengths = {name: settings.number(name) for name in LENGTHS}
     return constants, {name: value for name, value in lengths.items() if value is not None}

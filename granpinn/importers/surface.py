@@ -31,7 +31,6 @@ from granpinn.arrays import Bool, Float64, nearest
 from granpinn.data.flow import Surface
 from granpinn.data.surface import line_heights
 from granpinn.importers import units
-from granpinn.importers.limits import require_room
 from granpinn.importers.series import expand
 from granpinn.importers.vectors import DataFileError, Validity, VectorFields, grains_around
 from granpinn.regular import open_regular_file
@@ -144,7 +143,6 @@ def _picture(file: Path) -> Any:
             open_regular_file(file, MAX_IMAGE) as stream,
             Image.open(stream, formats=IMAGES) as image,
         ):
-            require_room(image.width * image.height, 1, file)
             if image.width * image.height > MAX_PIXELS:
                 raise ValueError(f"{image.width} x {image.height} pixels are too many")
             if (count := getattr(image, "n_frames", 1)) > 1:
@@ -155,8 +153,6 @@ def _picture(file: Path) -> Any:
             # To 8 bits, convert cuts off what lies above 255.
             deep = image.mode in ("I", "F") or image.mode.startswith("I;16")
             return np.asarray(image if deep else image.convert("L"))
-    except DataFileError:
-        raise
     except Exception as error:  # of any kind, for damaged files
         reason = str(error)
         if isinstance(error, UnidentifiedImageError):  # its message names the stream

@@ -27,15 +27,11 @@ import numpy as np
 from granpinn.arrays import Float64
 from granpinn.importers.columns import (
     GROUPS,
-    NAMES,
-    lines_of,
     read_headed,
     require,
     require_finite,
-    roles_in,
     units_of,
 )
-from granpinn.importers.grids import PIVLAB
 from granpinn.importers.limits import COPIES, require_room
 from granpinn.importers.vectors import (
     TRACK_WINDOW,
@@ -48,15 +44,6 @@ ORDER = 2
 MAX_WINDOW = 501  # frames
 _PER_PLACE = 12  # numbers for each observation and frame of the window, at the peak
 _SMALLEST_SIGMA = 1e-12  # of the velocities: exact tracks have no scatter
-
-
-def sniff(path: Path, head: bytes) -> bool:
-    """Names of x, y and frame or t above numbers."""
-    lines = lines_of(head)
-    if lines[0].lstrip("# ").startswith(PIVLAB):
-        return False
-    roles = roles_in(lines, NAMES, ("x", "y"))
-    return {"x", "y"} <= roles and bool(roles & {"frame", "t"})
 
 
 def read(path: Path, window: int) -> VectorFields:
@@ -154,7 +141,7 @@ def velocities(
             f"--track-window must be odd and at least 3, at most {MAX_WINDOW}, got {window}"
         )
     # These numbers exist once, and before the copies of the conversion.
-    require_room(t.size * window * _PER_PLACE, 8 / COPIES, "the table of tracks")
+    require_room(t.size * window * _PER_PLACE / COPIES, "the table of tracks")
     order = np.lexsort((frame, particle))
     t, frame, x, y, particle = (a[order] for a in (t, frame, x, y, particle))
     half = window // 2

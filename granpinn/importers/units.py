@@ -12,6 +12,7 @@ from contextlib import suppress
 from functools import cache
 from typing import Any, NamedTuple
 
+from granpinn.data.flow import LARGEST, LEAST
 from granpinn.importers.vectors import MAX_UNIT, DataFileError
 
 # A number has at most 64 ASCII characters. Python alone would also accept "1_000", digits of other
@@ -24,8 +25,6 @@ _POWER = r"(?:\^|\*\*)?-?[0-9]"
 _NAME = rf"[A-Za-zµμ°]++(?:{_POWER})?"
 _UNIT = re.compile(rf"(?:1 ?/ ?)?{_NAME}(?:(?: ?[*/·] ?| ){_NAME}){{0,5}}")
 _NAME_WITH_POWER = re.compile(rf"([A-Za-zµμ°])({_POWER})")
-# Factors and constants of one unit system; what is larger or smaller is a mistake.
-_LEAST, _MOST = 1e-30, 1e30
 
 # Quantities with their dimensions, and examples for messages.
 DIMENSIONS = {
@@ -106,9 +105,9 @@ def in_range(value: float, what: str, text: str) -> float:
     """The value, which must be positive and usable in products; `text` is what was given."""
     if not value > 0:
         raise DataFileError(f"{what} must be positive, got {text!r}")
-    if not _LEAST <= value <= _MOST:
+    if not LEAST <= value <= LARGEST:
         raise DataFileError(
-            f"{what} must be between {_LEAST:g} and {_MOST:g} in SI units, got {text!r}: check "
+            f"{what} must be between {LEAST:g} and {LARGEST:g} in SI units, got {text!r}: check "
             "the number and its unit"
         )
     return value

@@ -15,16 +15,13 @@ import numpy.typing as npt
 import scipy
 
 from granpinn.arrays import Bool, Int8, plain_array
+from granpinn.data.flow import LARGEST
 from granpinn.data.particles import closed
 from granpinn.data.schema import FRACTION_TOLERANCE
 from granpinn.declared import require_fields
 from granpinn.errors import BadInput
 
-# Of coordinates and vectors, in any unit. Their squares and products stay finite in float64.
-LARGEST = 1e30
-MAX_FACT = 200  # characters
 MAX_UNIT = 60  # characters
-FORMULA = frozenset("$\\")  # figures would take them for the start of a formula
 MAX_MESSAGE = 600
 # The fact of vectors that are differences of positions in their file: their unit is length / time.
 TRACK_WINDOW = "track_window"
@@ -99,9 +96,19 @@ class VectorFields:
     def __post_init__(self) -> None:
         require_fields(self, DataFileError)
         for name in ("t", "y", "x", *NUMBERS):
-            if (given := getattr(self, name)) is not None:
-                values = plain_array(given, name, DataFileError).astype(np.float64, copy=False)
-                self._put(name, values.reshape(-1) if name in "tyx" else values)
+            if (given := getattr(self, name)) is None:
+                continue
+            values = plain_array(given, name, DataFileError).astype(np.float64, copy=False)
+            if name in "tyx" and not np.isfinite(values).all():
+                raise DataFileError(
+                    f"{name} must be finite, got NaN or infinity: leave these vectors out"
+                )
+            if (found := largest(values)) > LARGEST:
+                raise DataFileError(
+                    f"{name} must be at most {LARGEST:g} in magnitude, got {found:g}: the file is "
+                    "damaged, or a unit or a scale is wrong"
+                )
+            self._put(name, values.reshape(-1) if name in "tyx" else values)
         if self.time_unit in ("frames", "fr"):
             self._put("time_unit", "frame")
         shape = (self.t.size,) if self.scattered else (self.t.size, self.y.size, self.x.size)
@@ -116,34 +123,16 @@ class VectorFields:
                 f"u and v must hold at least one vector, got the shape {list(shape)}: check which "
                 "frames the file holds"
             )
-        for name, values in {n: getattr(self, n) for n in ("t", "y", "x", *NUMBERS)}.items():
-            if values is None:
-                continue
-            if name in "tyx" and not np.isfinite(values).all():
-                raise DataFileError(
-                    f"{name} must be finite, got NaN or infinity: leave these vectors out"
-                )
-            if (found := largest(values)) > LARGEST:
-                raise DataFileError(
-                    f"{name} must be at most {LARGEST:g} in magnitude, got {found:g}: the file is "
-                    "damaged, or a unit or a scale is wrong"
-                )
         self._put_gaps()
         if not self.scattered:
             self._put_in_order()
         self._check_fraction()
         for name in ("length_unit", "time_unit", "velocity_unit"):
             unit = getattr(self, name) or ""
-            if len(unit) > MAX_UNIT or not unit.isprintable() or FORMULA & set(unit):
+            if len(unit) > MAX_UNIT or not unit.isprintable():
                 raise DataFileError(
                     f"the {name.replace('_', ' ')} of the file must be a unit such as mm or px, "
                     f"got {unit[:MAX_UNIT]!r}: export the file again"
-                )
-        for name, text in self.facts.items():
-            if len(text) > MAX_FACT or not text.isprintable():
-                raise DataFileError(
-                    f"{name} must be at most {MAX_FACT} printable characters, got "
-                    f"{text[:MAX_UNIT]!r}: export the file again"
                 )
 
     def _put(self, name: str, value: Any) -> None:
@@ -207,10 +196,6 @@ class VectorFields:
     def usable(self) -> Bool:
         """Vectors that were measured."""
         return np.asarray(self.validity == Validity.VALID)
-
-    def count(self, validity: Validity) -> int:
-        """Number of vectors of this kind."""
-        return int((self.validity == validity).sum())
 
 
 def largest(values: npt.NDArray[Any]) -> float:

@@ -9,7 +9,6 @@ with what physics fixes, without a network.
 from __future__ import annotations
 
 import textwrap
-import warnings
 from functools import cached_property
 from typing import Any
 
@@ -17,10 +16,11 @@ import numpy as np
 
 from granpinn.arrays import Float64, Index
 from granpinn.config import SideWalls
-from granpinn.data import Flow, FlowFileError, FlowFileWarning
+from granpinn.data import Flow, FlowFileError
 from granpinn.data.large import slabs, thinned
 from granpinn.data.scaling import initial_height, scales_of
 from granpinn.data.symmetry import steady_mean, with_layer, words
+from granpinn.errors import warn
 from granpinn.estimates import confined
 from granpinn.estimates.body import Body, body_of
 from granpinn.estimates.facts import Facts, InertialNumbers, inertial_numbers
@@ -308,8 +308,7 @@ def refuse_slips(flow: Flow) -> Inspection:
     for slip in found.slips:
         if slip.grade == IMPOSSIBLE:
             raise FlowFileError(f"{name}{slip.sentence}")
-        warnings.warn(f"{name}{slip.sentence}", FlowFileWarning, stacklevel=3)
+        warn(f"{name}{slip.sentence}")
     for check, why in found.not_done.items():
-        text = f"{name}the check {check} of the flow was not done: {why}"
-        warnings.warn(text, FlowFileWarning, stacklevel=3)
+        warn(f"{name}the check {check} of the flow was not done: {why}")
     return found

@@ -18,32 +18,37 @@ D2 is used: differences of noise are large even in grains at rest.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
-import numpy.typing as npt
 
-from granpinn.arrays import Bool, Float32, Float64, Floats, Int64
-from granpinn.data.flow import STEADY
-from granpinn.data.flow_file import Hdf5File, read_hdf5
-from granpinn.data.schema import Units, attribute
+from granpinn.arrays import Bool, Float32, Float64, Floats, Int64, nearest
+from granpinn.data.flow import STEADY, FlowFileError
+from granpinn.data.flow_file import Hdf5File, add_dataset, read_hdf5, write_attributes
+from granpinn.data.schema import (
+    GRID,
+    DatasetRule,
+    Units,
+    attribute,
+    check_format,
+    check_rules,
+)
 from granpinn.declared import checked
 from granpinn.errors import BadInput
 from granpinn.output import hdf5_file
-from granpinn.output.frames import PACKED, packer
+from granpinn.output.hdf5 import PACKED, write_frames
 from granpinn.regular import MissingFileError, UnsafeFileError
 
 FORMAT_NAME = "granpinn-fields"
 FORMAT_VERSION = 1
 D2_STAGNANT = 0.05  # in units of sqrt(|g| / H0)
+SCALES = ("length", "time", "pressure")
 MAX_BYTES = 2**34  # all variables of a flow file of the largest size
 
-# name -> (kind of quantity, description); `Units.of` turns the kind into a unit.
+# name -> (quantity, description)
 AXES = {
     "t": ("time", "time"),
     "y": ("length", "upward position"),
@@ -65,7 +70,19 @@ VARIABLES = {
     "v_reference": ("velocity", "velocity along y in the flow file"),
     "p_reference": ("pressure", "reference pressure in the flow file"),
 }
-DESCRIBED = {**AXES, "c": ("number", "volume fraction of grains"), **VARIABLES}
+
+
+def _rule(
+    name: str, about: tuple[str, str], axes: tuple[str, ...] = GRID, dtype: str = "float32"
+) -> DatasetRule:
+    return DatasetRule(name, axes, (dtype,), dtype, about[0], name in "tyxc", title=about[1])
+
+
+RULES = {
+    **{name: _rule(name, AXES[name], (name.upper(),), "float64") for name in AXES},
+    "c": _rule("c", ("number", "volume fraction of grains")),
+    **{name: _rule(name, VARIABLES[name]) for name in VARIABLES},
+}
 
 
 class FieldsFileError(BadInput):
@@ -76,8 +93,7 @@ def _cell(centers: Float64, at: Float64) -> Int64:
     """The index of the cell that holds each position; -1 outside of all. NaN is outside."""
     half = np.diff(centers).mean() / 2 if centers.size > 1 else np.inf
     within = (at >= centers[0] - half) & (at <= centers[-1] + half)
-    between = (centers[1:] + centers[:-1]) / 2
-    return np.where(within, np.searchsorted(between, at), -1)
+    return np.where(within, nearest(centers, at), -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,73 +157,41 @@ class Fields:
         grid[self.index[first:last] - k * size] = self.values[name][first:last]
         return grid.reshape(self.y.size, self.x.size)
 
-    def grid(self, name: str) -> Float32:
-        """One variable at all frames [T, Y, X], NaN outside the grains."""
-        grid = np.full(self.c.size, np.nan, np.float32)
-        grid[self.index] = self.values[name]
-        return grid.reshape(self.shape)
-
 
 def fields_dataset(fields: Fields) -> Any:
     """The fields as an xarray.Dataset over (t, y, x): NaN outside the grains, units in `attrs`."""
     import xarray  # slow to import
 
-    axes = {name: (name, getattr(fields, name), _description(fields, name)) for name in AXES}
+    arrays = {name: getattr(fields, name) for name in AXES}
+    for name in ("c", *(name for name in VARIABLES if name in fields.values)):
+        arrays[name] = np.stack([fields.frame(name, k) for k in range(fields.t.size)])
     variables = {
-        name: (
-            tuple(AXES),
-            fields.c if name == "c" else fields.grid(name),
-            _description(fields, name),
-        )
-        for name in _on_file(fields)
+        name: ([a.lower() for a in RULES[name].axes], array, RULES[name].described(fields.units))
+        for name, array in arrays.items()
     }
-    scales = {f"{name}_scale": getattr(fields, name) for name in ("length", "time", "pressure")}
-    return xarray.Dataset(variables, axes, scales)
-
-
-def _on_file(fields: Fields) -> list[str]:
-    """The names of the fields that there are, in the order of the file."""
-    return ["c", *(name for name in VARIABLES if name in fields.values)]
-
-
-def _description(fields: Fields, name: str) -> dict[str, str]:
-    """The attributes of an axis or a variable."""
-    kind, long_name = DESCRIBED[name]
-    unit = fields.units.of(kind)
-    return {"long_name": long_name} | ({} if unit is None else {"units": unit})
+    scales = {f"{name}_scale": getattr(fields, name) for name in SCALES}
+    return xarray.Dataset(variables, attrs=scales)
 
 
 def write_fields(fields: Fields, path: str | Path) -> None:
-    """Write fields.h5 by frames: no more than a few dozen of them are in memory."""
-    units = fields.units
-    attributes: dict[str, Any] = {
+    """Write fields.h5 by frames: a few dozen of them are in memory beside the packed file."""
+    attributes = {
         "format_name": FORMAT_NAME,
         "format_version": FORMAT_VERSION,
-        "length_unit": units.length,
-        "time_unit": units.time,
-        **({} if units.density is None else {"density_unit": units.density}),
+        **{f"{name}_unit": unit for name, unit in vars(fields.units).items()},
         **({STEADY: 1} if fields.steady else {}),
-        "length_scale": fields.length,
-        "time_scale": fields.time,
-        "pressure_scale": fields.pressure,
+        **{f"{name}_scale": getattr(fields, name) for name in SCALES},
     }
-    with hdf5_file(path) as file, packer() as write:
-        _write_attributes(file, attributes)
-        for name in AXES:
-            file.create_dataset(name, data=getattr(fields, name)).make_scale(name)
-            _write_attributes(file[name], _description(fields, name))
-        chunks = (1, fields.y.size, fields.x.size)
-        for name in _on_file(fields):
-            dataset = file.create_dataset(name, fields.shape, np.float32, chunks=chunks, **PACKED)
-            _write_attributes(dataset, _description(fields, name))
-            for dimension, axis in zip(dataset.dims, AXES, strict=True):
-                dimension.attach_scale(file[axis])
-            write(dataset, partial(fields.frame, name))
-
-
-def _write_attributes(place: h5py.File | h5py.Dataset, attributes: Mapping[str, Any]) -> None:
-    for name, value in attributes.items():
-        place.attrs[name] = np.bytes_(value.encode()) if isinstance(value, str) else value
+    chunks = (1, fields.y.size, fields.x.size)
+    with hdf5_file(path) as file:
+        write_attributes(file, attributes)
+        for name, rule in RULES.items():
+            if name in AXES:
+                add_dataset(file, rule, fields.units, data=getattr(fields, name))
+            elif name == "c" or name in fields.values:
+                options = {"shape": fields.shape, "dtype": np.float32, "chunks": chunks, **PACKED}
+                dataset = add_dataset(file, rule, fields.units, **options)
+                write_frames(dataset, partial(fields.frame, name))
 
 
 @checked
@@ -215,63 +199,28 @@ def read_fields(path: str | Path) -> Fields:
     """Read fields.h5; the message of FieldsFileError is one sentence."""
     path = Path(path)
     try:
-        names = [*"tyxc", *VARIABLES]
-        return _read(read_hdf5(path, names, MAX_BYTES, "choose fewer frames"))
+        return _read(read_hdf5(path, [*RULES], MAX_BYTES, "choose fewer frames"))
     except MissingFileError:
         raise FieldsFileError(f"{path} does not exist") from None
-    except UnsafeFileError as error:
+    except (UnsafeFileError, FlowFileError) as error:
         raise FieldsFileError(f"{path} could not be read as {FORMAT_NAME}: {error}") from None
 
 
 def _read(file: Hdf5File) -> Fields:
-    attributes = file.attributes
-    name = attribute(attributes, "format_name", str, True)
-    version = attribute(attributes, "format_version", float, True)
-    if name != FORMAT_NAME or version != FORMAT_VERSION:
-        raise UnsafeFileError(
-            f"expected version {FORMAT_VERSION}, got {name} version {version:g}: read it with the "
-            "granpinn that wrote it"
-        )
-    t, y, x = (_require(file, name, 1).astype(np.float64) for name in "tyx")
-    shape = t.size, y.size, x.size
-    c = _on_grid(file, "c", shape)
-    inside = np.equal(c, 1.0)
-    values = {
-        name: _on_grid(file, name, shape)[inside] for name in VARIABLES if name in file.datasets
+    stated = file.attributes
+    check_format(stated, FORMAT_NAME, FORMAT_VERSION, "read it with the granpinn that wrote it")
+    check_rules(RULES.values(), file.datasets, "predict again")
+    arrays: dict[str, Any] = {
+        name: np.asarray(dataset.values, RULES[name].dtype)
+        for name, dataset in file.datasets.items()
     }
-    names = ["length", "time", *(["density"] if attribute(attributes, "density_unit", str) else [])]
-    return Fields(
-        t=t,
-        y=y,
-        x=x,
-        c=c,
-        values=values,
-        units=Units(**{name: attribute(attributes, f"{name}_unit", str, True) for name in names}),
-        length=attribute(attributes, "length_scale", float, True),
-        time=attribute(attributes, "time_scale", float, True),
-        pressure=attribute(attributes, "pressure_scale", float, True),
-        steady=attribute(attributes, STEADY, list) == [1],
-    )
-
-
-def _require(file: Hdf5File, name: str, axes: int) -> npt.NDArray[Any]:
-    dataset = file.datasets.get(name)
-    found = "none" if dataset is None else f"{len(dataset.shape)} axes"
-    if dataset is None or len(dataset.shape) != axes:
-        raise UnsafeFileError(f"{name} must have {axes} axes, got {found}: predict again")
-    if dataset.values is None:
-        raise UnsafeFileError(f"{name} must hold numbers, got {dataset.dtype}: predict again")
-    return dataset.values
-
-
-def _on_grid(file: Hdf5File, name: str, shape: tuple[int, int, int]) -> Float32:
-    """A variable [T, Y, X]."""
-    values = _require(file, name, 3)
-    if values.shape != shape:
-        raise UnsafeFileError(
-            f"{name} must be {shape} like t, y, x, got {values.shape}: predict again"
-        )
-    return values.astype(np.float32, copy=False)
+    t, y, x, c = (arrays.pop(name) for name in "tyxc")
+    values = {name: array[c == 1] for name, array in arrays.items()}
+    names = {"length": True, "time": True, "density": False}
+    units = Units(*(attribute(stated, f"{name}_unit", str, names[name]) for name in names))
+    length, time, pressure = (attribute(stated, f"{name}_scale", float, True) for name in SCALES)
+    steady = attribute(stated, STEADY, list) == [1]
+    return Fields(t, y, x, c, values, units, length, time, pressure, steady)
 
 
 def after_start(fields: Fields) -> Bool:

@@ -178,7 +178,8 @@ def simulate(
     recorder = Recorder(scene or Collapse(**settings))
     if out is not None:
         try:
-            check_constants(**recorder.constants())
+            arrays: dict[str, Any] = dict.fromkeys("tyxuvc", np.empty(0))
+            check_constants(Flow(**arrays, **recorder.constants()))
         except FlowFileError as error:
             raise ConfigError(f"the flow file cannot hold this simulation: {error}") from None
     try:

@@ -1,4 +1,4 @@
-"""The points of training and scoring, dimensionless and in the order (t, y, x).
+"""The points of training, dimensionless and in the order (t, y, x).
 
 Variants of a flow differ in the cells that count as full of grains, and in the free surface. The
 sets of all variants have the same points in one order; a point that a variant lacks has the weight
@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from granpinn.arrays import Floats, Index
+from granpinn.arrays import Index
 from granpinn.config import LEVELS
 from granpinn.data.collocation import (
-    above_ground,
     drawn,
     lie_between,
     points_between,
@@ -26,10 +25,9 @@ from granpinn.data.flow import Flow, FlowFileError, Particles, Surface
 from granpinn.data.large import chosen
 from granpinn.data.noise import velocity_weights
 from granpinn.data.outline import surface_of
-from granpinn.data.scaling import moving, placed, turned_and_rounded, unplaced
+from granpinn.data.scaling import moving, placed, unplaced
 from granpinn.data.symmetry import axes_of
 from granpinn.data.wall_points import walls_of, warn_of_contradictions
-from granpinn.physics.axes import Axes
 from granpinn.physics.scales import Scales
 from granpinn.physics.terms import LossPoints
 
@@ -176,7 +174,6 @@ def training_sets(
     union = flows[0]
     if len(flows) > 1:  # with the cells that are full in any of them
         union = replace(union, c=np.max([variant.c for variant in flows], axis=0))
-    _require_distinct(union, scales, dtype)
     common, own, inside = _common(union, flows, scales, collocation, dtype)
     sets = []
     for k, line in enumerate(lines):
@@ -204,13 +201,8 @@ def training_sets(
             )
     if level != "V0" and len(common.between):
         sets = _with_strips(sets, flow, scales)
-    sets = _with_walls([_with_even_weights(made) for made in sets], flow, scales, walled)
-    if flow.source is None:
-        return sets
-    return [
-        replace(s, source=source_at(torch.cat([s.points, s.between, s.strip]), flow, scales))
-        for s in sets
-    ]
+    walls = _on_walls(flow, scales, sets[0], walled)
+    return [_finished(made, walls, flow, scales) for made in sets]
 
 
 def vector_count(flow: Flow) -> int:
@@ -248,12 +240,11 @@ def _common(
     if len(variants) > 1 and cells is not None:
         own = np.stack([variant.c[cells] >= 1 for variant in variants], 1)
     if cells is not None and (count := round(collocation * len(own))):
-        places = points_between(union, above_ground(union), count)
+        places = points_between(union, count)
         between = placed(*places, union, scales)
         inside = np.ones((len(places[0]), len(variants)), bool)
         if len(variants) > 1:
-            complete = [lie_between(v, above_ground(v), *places) for v in variants]
-            inside = np.stack(complete, 1)
+            inside = np.stack([lie_between(v, *places) for v in variants], 1)
     points, velocity, alone = (
         torch.as_tensor(a).to(dtype)
         for a in (
@@ -319,51 +310,50 @@ def _with_strips(sets: list[TrainingSet], flow: Flow, scales: Scales) -> list[Tr
     ]
 
 
-def _with_even_weights(made: TrainingSet) -> TrainingSet:
-    """The set with weights of the equations whose mean over all their points is 1."""
+def _finished(
+    made: TrainingSet, walls: Sequence[torch.Tensor], flow: Flow, scales: Scales
+) -> TrainingSet:
+    """The set with walls and sources, and with weights of the equations whose mean over all their
+    points is 1."""
     velocity, physics = made.point_weights.unbind(1)
     mean = float(torch.cat([physics, made.equation_weights]).double().mean())
+    wall_points, wall_velocity, loaded, load = walls
     return replace(
         made,
         point_weights=torch.stack([velocity, physics / mean], 1),
         equation_weights=made.equation_weights / mean,
+        wall_points=wall_points,
+        wall_velocity=wall_velocity,
+        surface_points=torch.cat([made.surface_points, loaded]),
+        surface_pressure=torch.cat([made.surface_pressure, load]),
+        source=source_at(torch.cat([made.points, made.between, made.strip]), flow, scales),
     )
 
 
-def _with_walls(
-    sets: list[TrainingSet], flow: Flow, scales: Scales, walled: TrainingSet | None
-) -> list[TrainingSet]:
-    """The sets with the velocities, and the known pressures, on the walls of a flow.
+def _on_walls(
+    flow: Flow, scales: Scales, made: TrainingSet, walled: TrainingSet | None
+) -> Sequence[torch.Tensor]:
+    """Points on the walls of a flow and the velocities there, and those of known pressure with it.
 
     Warns of conditions that the vectors contradict.
+
+    Args:
+        made: a set without walls.
+        walled: as in `training_sets`.
     """
-    if walled is not None:
-        M = len(sets[0].surface_points)
-        at, moves = walled.wall_points, walled.wall_velocity
-        loaded, load = walled.surface_points[M:], walled.surface_pressure[M:]
-    elif flow.walls is None:
-        return sets
-    else:
-        touch, facts = walls_of(flow, flow.walls)
-        warn_of_contradictions(facts)
-        (x, y, t), (u, v) = touch.point.T, touch.target.T
-        points, velocity = placed(x, y, t, flow, scales), moving(u, v, flow, scales)
-        pressure = scales.to_dimensionless(touch.p, "pressure")
-        used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
-        at, moves, loaded, load = (
-            torch.as_tensor(a).to(sets[0].points)
-            for a in (points[used], velocity[used], points[known], pressure[known])
-        )
-    return [
-        replace(
-            made,
-            wall_points=at,
-            wall_velocity=moves,
-            surface_points=torch.cat([made.surface_points, loaded]),
-            surface_pressure=torch.cat([made.surface_pressure, load]),
-        )
-        for made in sets
-    ]
+    M = len(made.surface_points)
+    if walled is not None or flow.walls is None:
+        old = walled or made
+        loaded, load = old.surface_points[M:], old.surface_pressure[M:]
+        return old.wall_points, old.wall_velocity, loaded, load
+    touch, facts = walls_of(flow, flow.walls)
+    warn_of_contradictions(facts)
+    (x, y, t), (u, v) = touch.point.T, touch.target.T
+    points, velocity = placed(x, y, t, flow, scales), moving(u, v, flow, scales)
+    pressure = scales.to_dimensionless(touch.p, "pressure")
+    used, known = np.isfinite(velocity).all(axis=1), np.isfinite(pressure)
+    arrays = points[used], velocity[used], points[known], pressure[known]
+    return [torch.as_tensor(a).to(made.points) for a in arrays]
 
 
 def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor | None:
@@ -372,58 +362,10 @@ def source_at(points: torch.Tensor, flow: Flow, scales: Scales) -> torch.Tensor 
 
     Args:
         points: (x, y, t) [N, 3] of the training.
-
-    Raises:
-        FlowFileError: the source is not finite, or has another shape than the points.
     """
     if flow.source is None:
         return None
     places = unplaced(points.double().cpu().numpy(), flow, scales)
     force = np.stack(flow.source(*places.T), -1)
-    if force.shape != (len(points), 2) or not np.isfinite(force).all():
-        raise FlowFileError(
-            f"the source of a flow must give finite numbers S_x [n], S_y [n] for x, y, t [n], got "
-            f"{list(force.shape)} with {int((~np.isfinite(force)).sum())} not finite for "
-            f"{len(points)} points: correct the function"
-        )
     turned = np.stack(axes_of(flow).turn(*scales.to_dimensionless(force, "acceleration").T), -1)
     return torch.as_tensor(turned).to(points)
-
-
-def test_grid(flow: Flow, scales: Scales) -> tuple[torch.Tensor, tuple[Index, ...]]:
-    """All points with c = 1, for scoring and for maps of the fields.
-
-    Returns:
-        (x, y, t) [K, 3] in float64, and their frame, row and column, three arrays [K].
-    """
-    frame, row, column = cells = np.nonzero(flow.material)
-    points = scales.points_to_dimensionless(flow.x[column], flow.y[row], flow.t[frame])
-    return torch.as_tensor(points), cells
-
-
-def relative_l2(predicted: Floats, reference: Floats) -> float | None:
-    """eq. (errorL2) in %, over everything in the arrays (a vector field: all components).
-
-    None without points, or if the reference is zero everywhere.
-    """
-    predicted, reference = (np.asarray(f, np.float64) for f in (predicted, reference))
-    size = float(np.sum(reference**2))
-    if size == 0.0:
-        return None
-    return 100.0 * float(np.sqrt(np.sum((predicted - reference) ** 2) / size))
-
-
-def _require_distinct(flow: Flow, scales: Scales, dtype: torch.dtype) -> None:
-    """Raises FlowFileError if two times, rows or columns are one number in the training."""
-    level = Axes(1.0, 0.0, (0.0, -1.0))  # each coordinate for itself
-    for k, (name, values) in enumerate((("x", flow.x), ("y", flow.y), ("t", flow.t))):
-        place = list(scales.origin)
-        place[k] = values  # type: ignore[call-overload]
-        points = turned_and_rounded(scales.points_to_dimensionless(*place), level)
-        found = np.unique(torch.as_tensor(points[:, k]).to(dtype).numpy()).size
-        if found < values.size:
-            raise FlowFileError(
-                f"{name} must have steps that {str(dtype).removeprefix('torch.')} resolves, got "
-                f"{values.size} values of which {found} differ after rounding: leave out values "
-                "that are too close, or correct the unit of the coordinates"
-            )

@@ -174,10 +174,6 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         lambda f: _replace(f, "u", data=np.transpose(f["u"][:])),
         "u must be [T, Y, X] = [12, 24, 20], got [20, 24, 12]: transpose it",
     ),
-    "walls that move": (
-        lambda f: f.create_dataset("wall_t", data=np.zeros(2)),
-        "wall_t must not be there",
-    ),
     "two dimensions": (lambda f: _replace(f, "u", data=f["u"][0]), "got float32 [24, 20]"),
     "four dimensions": (
         lambda f: _replace(f, "u", data=f["u"][:][None]),
@@ -202,9 +198,9 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         lambda f: f.attrs.create("format_name", np.array([b"a", b"b"])),
         "format_name must be one text",
     ),
-    "no name": (lambda f: f.attrs.pop("format_name"), "got nothing"),
+    "no name": (lambda f: f.attrs.pop("format_name"), "got None"),
     "newer version": (lambda f: f.attrs.create("format_version", 2), "format_version must be 1"),
-    "no version": (lambda f: f.attrs.pop("format_version"), "got nothing"),
+    "no version": (lambda f: f.attrs.pop("format_version"), "got None"),
     "density as text": (lambda f: f.attrs.create("density", np.bytes_("2")), "density must be a n"),
     "density as reference": (
         lambda f: f.attrs.create("density", f["u"].ref, dtype=h5py.ref_dtype),

@@ -92,7 +92,10 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
         },
         "only NaN in 12 of 12 frames",
     ),
-    "p of NaN": (changed("p", (3, 0, 0), np.nan), "p must be finite where c = 1"),
+    "p of NaN": (
+        changed("p", (3, 0, 0), np.nan),
+        "to 1e+30, got nan: give it everywhere in the grains",
+    ),
     "sigma_u alone": ({"sigma_u": 0.1}, "got no sigma_v"),
     "sigma zero": ({"sigma_u": 0.1, "sigma_v": 0.0}, "sigma_v must be from 1e-30"),
     "sigma negative": (

@@ -113,7 +113,7 @@ WRONG = {
 @pytest.mark.parametrize(("changes", "message"), WRONG.values(), ids=WRONG.keys())
 def test_wrong_vectors_are_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(FlowFileError, match=message) as caught:
-        scattered(**changes)
+        check_flow(scattered(**changes))
     assert "\n" not in str(caught.value)
 
 

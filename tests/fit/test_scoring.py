@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from granpinn.data import Flow
-from granpinn.fit.scoring import score, strain_rate, zones_of
+from granpinn.fit.scoring import relative_l2, score, strain_rate, zones_of
 from granpinn.results import ErrorPercent, Fields, Parameters
 from granpinn.results.fields import D2_STAGNANT, after_start, flowing
-from granpinn.training.points import relative_l2
 from tests.examples import PARAMETERS, make_fields
 from tests.flows import make_flow
 

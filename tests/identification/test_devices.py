@@ -21,9 +21,9 @@ from granpinn.data import Flow
 from granpinn.fit.case import members, pose
 from granpinn.fit.ensemble import network_of
 from granpinn.fit.prediction import predict
+from granpinn.fit.scoring import relative_l2
 from granpinn.identification.start import start
 from granpinn.kernels.builds import choose_device
-from granpinn.training.points import relative_l2
 from tests.runs import tiny
 
 NO_GPU = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")

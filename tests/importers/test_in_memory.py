@@ -41,7 +41,7 @@ def dataset() -> Any:
         ({"u": HEAP.u}, "got no t, y, x, v"),
         (arrays(u=HEAP.u[0]), "u and v must be"),
         (arrays() | MATERIAL, "missing: length_unit"),
-        (arrays() | UNITS, "missing: grain_diameter"),
+        (arrays() | UNITS, "missing: grain_density"),
         (arrays() | UNITS | MATERIAL | {"grain_diametre": "1 mm"}, "did you mean grain_diameter?"),
         (
             arrays() | UNITS | MATERIAL | {"density": 1500},

@@ -152,7 +152,6 @@ ARCHIVES: dict[str, tuple[Callable[[Path], Path], str]] = {
     "text": (lambda p: npz(p, u=np.full((1, 2), "a")), "u must hold numbers"),
     "complex": (lambda p: npz(p, u=1j * np.ones((3, 7, 9))), "must hold plain numbers"),
     "long unit": (lambda p: npz(p, length_unit="m" * 60_000), "cannot be read|must be a unit such"),
-    "formula": (lambda p: npz(p, length_unit="$\\frac{"), "must be a unit such as mm"),
 }
 
 

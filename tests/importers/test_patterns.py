@@ -26,7 +26,7 @@ PATTERNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "grids._DAVIS": ("match", ("#", "# ", "DaVis ", "1 ", "#DaVis 1 2D-vector 1")),
     "grids._FACTOR": ("findall", ("conversion factor xy (", ")", ": ", " ", "1", "e")),
     "grids._FRAME": ("search", ("FRAME:", "FRAME: ", "1")),
-    "grids._NUMBERED": ("findall", ("1", "1:", " 1", "1:a ")),
+    "grids.NUMBERED": ("findall", ("1", "1:", " 1", "1:a ")),
     "series._NUMBER": ("split", ("1", "1.", "a1", ".")),
     "series._TIME": ("findall", ("1", "1.", "1e", "1e+", "1.1e")),
     "units._NAME_WITH_POWER": ("findall", ("m", "m^", "m-", "m2", "**")),

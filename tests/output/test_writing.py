@@ -13,8 +13,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
-import numpy as np
 import pytest
 
 from granpinn.output import OutputError, hdf5_file, replacing, write_bytes, write_text
@@ -202,15 +200,3 @@ def test_a_file_that_is_not_complete_leaves_the_old_one(tmp_path: Path) -> None:
         broken()
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_stream_gives_the_same_hdf5_file_as_a_path(tmp_path: Path) -> None:
-    def fill(file: h5py.File) -> None:
-        data = file.create_dataset("u", data=np.arange(1e5), chunks=(1000,), compression="gzip")
-        data.attrs["units"] = "m/s"
-
-    with hdf5_file(tmp_path / "stream.h5") as file:
-        fill(file)
-    with h5py.File(tmp_path / "path.h5", "w") as file:
-        fill(file)
-    assert (tmp_path / "stream.h5").read_bytes() == (tmp_path / "path.h5").read_bytes()

@@ -155,11 +155,11 @@ def change_attribute(name: str, value: object) -> Callable[[h5py.File], None]:
 DAMAGE = {
     "another version": (
         change_attribute("format_version", 2),
-        "expected version 1, got granpinn-fields version 2",
+        "format_version must be 1, got 2",
     ),
     "another format": (
         change_attribute("format_name", np.bytes_(b"granpinn-flow")),
-        "expected version 1, got granpinn-flow version 1",
+        "format_name must be 'granpinn-fields', got 'granpinn-flow': read it with",
     ),
     "no format": (change_attribute("format_name", None), "format_name"),
     "version is text": (
@@ -173,20 +173,20 @@ DAMAGE = {
     ),
     "no scale": (change_attribute("time_scale", None), "time_scale"),
     "scale is text": (change_attribute("pressure_scale", "high"), "pressure_scale must be a num"),
-    "no time": (replace_dataset("t", None), "t must have 1 axes, got none"),
-    "no grains": (replace_dataset("c", None), "c must have 3 axes, got none"),
+    "no time": (replace_dataset("t", None), "t is missing: expected a dataset t float64"),
+    "no grains": (replace_dataset("c", None), "c is missing: expected a dataset c float32"),
     "time is one number": (replace_dataset("t", 1.0), "fields.h5 could not be read"),
     "longer time": (
         replace_dataset("t", np.arange(4.0)),
-        r"c must be \(4, 9, 7\) like t, y, x, got \(3, 9, 7\)",
+        r"c must be \[T, Y, X\] = \[4, 9, 7\], got \[3, 9, 7\]",
     ),
     "narrower variable": (
         replace_dataset("p", np.zeros((3, 9, 6), np.float32)),
-        r"p must be \(3, 9, 7\) like t, y, x, got \(3, 9, 6\)",
+        r"p must be \[T, Y, X\] = \[3, 9, 7\], got \[3, 9, 6\]",
     ),
     "more frames of a variable": (
         replace_dataset("I", np.zeros((5, 9, 7), np.float32)),
-        r"I must be \(3, 9, 7\) like t, y, x, got \(5, 9, 7\)",
+        r"I must be \[T, Y, X\] = \[3, 9, 7\], got \[5, 9, 7\]",
     ),
 }
 

@@ -11,12 +11,9 @@ import torch
 
 from granpinn.arrays import Float64
 from granpinn.config import Batch
-from granpinn.data import FlowFileError
-from granpinn.data.flow import Source
 from granpinn.fit.case import Case, pose
 from granpinn.training.objective import Objective
 from granpinn.training.operators import COMPILED, IN_TORCH
-from granpinn.training.points import source_at
 from tests.data.walled import line
 from tests.flows import make_flow
 from tests.runs import tiny
@@ -84,17 +81,3 @@ def test_a_batch_is_the_reference_loss_with_its_source(case: Case, operators: ob
     without_it = objective.terms(0, params[0], theta[0], batch._replace(source=None))
     assert torch.equal(of_points[[0, 1, 3, 4]], without_it[[0, 1, 3, 4]])
     assert of_points[2] != without_it[2]
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        (lambda x, y, t: (x / 0, y), r"got \[\d+, 2\] with \d+ not finite for \d+ points"),
-        (lambda x, y, t: (x[:2], y[:2]), r"got \[2, 2\] with 0 not finite"),
-    ],
-    ids=["infinite", "short"],
-)
-def test_a_wrong_function_is_refused(wrong: Source, message: str, case: Case) -> None:
-    flow = replace(case.flow, source=wrong)
-    with np.errstate(all="ignore"), pytest.raises(FlowFileError, match=message):
-        source_at(case.member.data.points + 1, flow, case.scales)

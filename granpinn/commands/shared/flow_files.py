@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from granpinn.commands.shared.parser import Parser, program
 from granpinn.config.fields import Setting
-from granpinn.data import Flow, FlowFileWarning, write_flow
+from granpinn.data import Flow, write_flow
 from granpinn.data.flow_file import is_flow_file
-from granpinn.errors import BadInput
+from granpinn.errors import BadInput, warn
 from granpinn.inspection import quick
 from granpinn.output import require_file
 from granpinn.results.record import IMPOSSIBLE
@@ -69,7 +68,7 @@ def write(flow: Flow, out: Path, force: bool) -> None:
     """
     slips = quick(flow).slips
     for slip in slips:
-        warnings.warn(str(slip), FlowFileWarning, stacklevel=3)
+        warn(str(slip))
     if not force and any(slip.grade == IMPOSSIBLE for slip in slips):
         raise BadInput(
             "the vectors are impossible, as the warnings say, and no flow file was written: "

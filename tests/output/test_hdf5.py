@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from granpinn.output import hdf5_file
-from granpinn.output.frames import AHEAD, MOST, PACKED, packer
+from granpinn.output.hdf5 import AHEAD, MOST, PACKED, write_frames
 
 SHAPES = [(100, 9, 7), (3, 5, 4, 3), (1, 1, 1), (5, 8)]
 
@@ -37,8 +37,8 @@ def test_chunks_are_those_of_hdf5(
     shape: tuple[int, ...], dtype: str, seed: int, tmp_path: Path
 ) -> None:
     values = values_of(shape, dtype, seed)
-    with hdf5_file(tmp_path / "threads.h5") as file, packer() as write:
-        write(create(file, values), lambda k: values[k])
+    with hdf5_file(tmp_path / "threads.h5") as file:
+        write_frames(create(file, values), lambda k: values[k])
     with h5py.File(tmp_path / "hdf5.h5", "w") as file:
         dataset = create(file, values)
         for k, frame in enumerate(values):
@@ -59,8 +59,8 @@ def test_frames_keep_their_places_whichever_is_ready_first(tmp_path: Path) -> No
         time.sleep(0.002 * (9 - k))
         return values[k]
 
-    with hdf5_file(tmp_path / "a.h5") as file, packer() as write:
-        write(create(file, values), frame)
+    with hdf5_file(tmp_path / "a.h5") as file:
+        write_frames(create(file, values), frame)
     with h5py.File(tmp_path / "a.h5") as file:
         np.testing.assert_array_equal(file["a"][()], values)
 
@@ -77,11 +77,7 @@ def test_an_error_in_a_frame_leaves_the_old_file(tmp_path: Path) -> None:
         asked.append(k)
         return values[k]
 
-    with (
-        pytest.raises(ValueError, match="no frame"),
-        hdf5_file(path) as file,
-        packer() as write,
-    ):
-        write(create(file, values), frame)
-    assert len(asked) <= AHEAD * MOST  # later frames wait until the first is stored
+    with pytest.raises(ValueError, match="no frame"), hdf5_file(path) as file:
+        write_frames(create(file, values), frame)
+    assert len(asked) <= AHEAD * MOST  # later frames wait until these are stored
     assert path.read_text() == "old"
