@@ -18,6 +18,7 @@ from granpinn.identification.identified import Identification
 from granpinn.identification.run import run
 from granpinn.output import owned
 from granpinn.physics.laws import DEFAULT
+from granpinn.progress import Progress
 from granpinn.results import (
     DataSummary,
     ErrorPercent,
@@ -30,7 +31,6 @@ from granpinn.results import (
 from granpinn.results.record import NONE
 from granpinn.results.records import Assumed, IdentifiedLaw
 from granpinn.results.result import FlowOfLaw
-from granpinn.training.progress import Progress
 from granpinn.uncertainty import one_law as fitted
 from granpinn.uncertainty.determined import applied, determined_over, over
 from granpinn.uncertainty.one_law import OneLaw

@@ -15,10 +15,10 @@ from granpinn.estimates.confined import undetermined
 from granpinn.fit import assumptions
 from granpinn.fit.case import Case
 from granpinn.output import OutputError, make_folder, write_text
+from granpinn.progress import Progress, by_default
 from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Objective
-from granpinn.training.progress import Progress, by_default
 from granpinn.training.room import require_room
 from granpinn.training.time_limit import Limit
 

@@ -49,6 +49,14 @@ class StepReport:
     largest_divergence: float
     window: tuple[int, int]
 
+    @property
+    def words(self) -> str:
+        """The line for the terminal, without the time."""
+        return (
+            f"dt {self.step:.2g}  iterations {self.viscous_iterations}+{self.pressure_iterations}  "
+            f"window {self.window[0]}x{self.window[1]}"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class State:

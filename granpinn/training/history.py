@@ -25,7 +25,7 @@ from granpinn.arrays import Float64
 from granpinn.errors import BadInput
 from granpinn.output import naming, write_text
 from granpinn.physics.laws import DEFAULT, FrictionLaw
-from granpinn.physics.terms import NAMES
+from granpinn.physics.terms import NAMES, TERMS
 from granpinn.regular import read_text
 
 Row = dict[str, float]
@@ -46,6 +46,15 @@ def median(rows: Sequence[Row]) -> Row:
     """The medians, column by column, of one row of every member with the law of the first one."""
     alike = [row for row in rows if row.keys() == rows[0].keys()]
     return {name: float(np.median([row[name] for row in alike])) for name in rows[0]}
+
+
+def described(row: Row) -> str:
+    """The parameters, the loss and its terms in one line, without the unused terms."""
+    _, _, _, *rest = row
+    parts = [f"{name} {row[name]:.4f}" for name in rest[len(TERMS) : -1]]
+    parts.append(f"loss {row['loss']:.3g}")
+    terms = [(term.label, row[term.name]) for term in TERMS]
+    return "  ".join(parts + [f"{label} {v:.1e}" for label, v in terms if math.isfinite(v)])
 
 
 class HistoryFileError(BadInput):

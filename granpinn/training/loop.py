@@ -17,17 +17,18 @@ import torch
 
 from granpinn.config import Config, ConfigError
 from granpinn.errors import Interrupted
+from granpinn.progress import Progress
 from granpinn.signals import Signals, caught
 from granpinn.training import checkpoint, identity, time_limit
 from granpinn.training.checkpoint import RunState
 from granpinn.training.guard import NonFiniteError, require_finite
-from granpinn.training.history import History, median, row_of
+from granpinn.training.history import History, described, median, row_of
 from granpinn.training.objective import Objective
-from granpinn.training.progress import LAST_LAYER, Progress
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
 
 UNLIMITED = 2**53  # steps
+FIT = "fit"  # the training as a stage
 CORRECT_EVERY = 0.05  # of the time limit, between corrections of the schedule
 
 
@@ -86,7 +87,7 @@ class TrainingLoop:
             resumed = self.config.resume and self._resume()
             if not resumed:
                 self._begin()
-            self.progress.start(trainer.schedule.total, trainer.step)
+            self.progress.at(FIT, trainer.step, trainer.schedule.total)
             with caught() as signals:
                 self._loop(signals)
         finally:
@@ -156,7 +157,7 @@ class TrainingLoop:
         if self.limit is not None:
             pace = (time.monotonic() - self.started) / max(1, trainer.step)
             until = self.limit._replace(steps=0.0).deadline(pace)
-        self.progress.stage(LAST_LAYER)
+        self.progress.stage("last layer")
         trainer.solve_last_layer(until)
         self.wall_s = self.before + time.monotonic() - self.started
 
@@ -172,6 +173,7 @@ class TrainingLoop:
         self.progress.show(row)
         if self.limit is not None and not trainer.finished:
             self._correct_schedule(now, self.limit)
+        self.progress.at(FIT, trainer.step, trainer.schedule.total, described(row))
 
     def _correct_schedule(self, now: float, limit: time_limit.Limit) -> None:
         trainer = self.trainer
@@ -186,7 +188,6 @@ class TrainingLoop:
         if schedule != trainer.schedule:
             trainer.schedule = schedule
             trainer.remember()
-            self.progress.total(schedule.total)
 
     def _recover(self, error: NonFiniteError) -> None:
         """Roll a faulty member back; at its second fault freeze it, or raise if it is alone."""

@@ -19,11 +19,11 @@ import pytest
 import torch
 
 from granpinn.data import Flow
+from granpinn.progress import Progress
 from granpinn.training import checkpoint
 from granpinn.training.graphs import Graphs
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.progress import Progress
 from tests.runs import make_objective, make_run, make_trainer, tiny
 from tests.training.test_graphs import record
 

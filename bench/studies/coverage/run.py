@@ -36,8 +36,8 @@ from granpinn.fit.case import Case, members, pose
 from granpinn.fit.ensemble import network_of
 from granpinn.identification.start import start
 from granpinn.kernels.builds import choose_device
+from granpinn.progress import Lines
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.progress import Lines
 
 FEW = 6  # flows whose momentum balances this process makes
 

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from threading import Thread
 
-from granpinn import results
+from granpinn import progress, results
 from granpinn.checks import wanted
 from granpinn.commands.shared.flow_files import require_flow_files
 from granpinn.config import Config
@@ -21,7 +21,6 @@ from granpinn.output import owned
 from granpinn.results.record import why_not_done
 from granpinn.results.result import in_words
 from granpinn.terminal import say
-from granpinn.training import progress
 
 REPORT = "report"
 FIGURES = 4.5  # seconds that the figures and the page take
