@@ -14,13 +14,14 @@ if __name__ == "__main__":
 import os
 import platform
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import granpinn
-from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.exit_codes import exit_code
 from granpinn.commands.shared.parser import Parser
 
 Section = dict[str, Any]
@@ -202,4 +203,4 @@ def run(argv: Sequence[str]) -> int:
     return 1 if trouble else 0
 
 
-main = Command("doctor", parser, run)
+main = partial(exit_code, "doctor", run)

@@ -16,9 +16,10 @@ if __name__ == "__main__":
     cli.start("simulate")
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.exit_codes import exit_code
 from granpinn.commands.shared.parser import Parser
 from granpinn.config import settings_of
 from granpinn.output import require_file
@@ -69,4 +70,4 @@ def run(argv: Sequence[str]) -> int:
     return 0
 
 
-main = Command("simulate", parser, run)
+main = partial(exit_code, "simulate", run)

@@ -22,11 +22,11 @@ if __name__ == "__main__":
 
 import time
 from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from granpinn.commands.shared import exit_codes
-from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.exit_codes import exit_code, keep_what_is_loaded
 from granpinn.commands.shared.parser import Parser, program
 from granpinn.config import Config, ConfigError, settings_of
 from granpinn.config.fields import sections_of
@@ -154,8 +154,8 @@ def run(argv: Sequence[str]) -> int:
     foreign.start()  # it opens the flow file; its imports run beside those of torch
     from granpinn.commands.shared import training_run
 
-    exit_codes.keep_what_is_loaded()
+    keep_what_is_loaded()
     return training_run.run(config, verbose, begin)
 
 
-main = Command("train", parser, run)
+main = partial(exit_code, "train", run)

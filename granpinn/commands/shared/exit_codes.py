@@ -48,14 +48,14 @@ _guarded: list[str] = []  # the command of this process, if `guard_process` has 
 PACKAGE = str(Path(__file__).parents[2])
 
 
-def exit_code(command: str, run: Callable[[], int]) -> int:
-    """The exit code of `run`, or the code for what it raises, with one sentence on stderr.
+def exit_code(command: str, run: Callable[..., int], *words: Any) -> int:
+    """The exit code of `run(*words)`, or that for what it raises, with one sentence on stderr.
 
     Inside, SIGINT, SIGTERM and SIGHUP raise Interrupted. A second signal ends the process at once.
     """
     try:
         with _interruptible(command), _warnings_in_one_line():
-            code = run()
+            code = run(*words)
     except SystemExit as stop:  # --help
         code = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
     except BaseException as error:
