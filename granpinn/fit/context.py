@@ -11,7 +11,7 @@ from granpinn.fit import ensemble, prediction
 from granpinn.fit.case import Case
 from granpinn.fit.free_curve import with_free_band
 from granpinn.fit.network import TrainedNetwork
-from granpinn.fit.prediction import Shear, shear_of, with_curve
+from granpinn.fit.prediction import Shear, shear_of, with_law
 from granpinn.results import Fields, Result, write_fields, write_results
 from granpinn.results.record import Record, why_not_done
 from granpinn.training.loop import TrainingLoop
@@ -81,5 +81,5 @@ class Context:
     def draw_curve(self) -> None:
         """Take the law over the range of I where grains shear, with its band, if fields show it."""
         if self.shear is not None:
-            result = with_curve(self.result, self.case, self.shear)
+            result = with_law(self.result, self.case, self.shear)
             self.result = with_free_band(result, self.case, self.run, self.place)

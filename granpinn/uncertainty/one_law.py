@@ -30,9 +30,10 @@ from granpinn.errors import CannotGoOn
 from granpinn.physics.laws import DEFAULT, FrictionLaw
 from granpinn.results import Result
 from granpinn.results.records import LawPoints
+from granpinn.uncertainty import error_bars
 from granpinn.uncertainty.curve_error import between
 from granpinn.uncertainty.determined import LARGEST
-from granpinn.uncertainty.error_bars import Estimate, bars_of, known_by, scatter
+from granpinn.uncertainty.error_bars import Estimate, bars_of, scatter
 from granpinn.uncertainty.error_model import Known, ends_of, load
 from granpinn.uncertainty.expected import too_noisy
 from granpinn.uncertainty.sensitivity import covariance
@@ -71,23 +72,20 @@ def known_of(result: Result) -> Known:
     Raises:
         CannotGoOn: it does not know its accuracy.
     """
-    bars, residuals, I_range = result.error_bars, result.residuals, result.law.I_range
-    if residuals is None or I_range is None or result.no_law or result.law.name != DEFAULT.name:
+    bars, I_range = result.error_bars, result.law.I_range
+    if (
+        result.residuals is None
+        or I_range is None
+        or result.no_law
+        or result.law.name != DEFAULT.name
+    ):
         raise CannotGoOn(
             f"{result.input.name} does not determine mu(I): {result.no_law or result.law.reason}; "
             "leave it out"
         )
     mu_s, mu_2, I0 = result.theta
-    return known_by(
-        residuals,
-        result.data.measured_noise,
-        x=ends_of(I_range, I0),
-        mu=(mu_s, mu_2),
-        vectors=result.data.independent or 1.0,
-        steps=result.timing.steps,
-        outline=result.level == "V0",
-        real=bars is None or bars.grains is not None,
-    )
+    real = bars is None or bars.grains is not None
+    return error_bars.known_of(result, ends_of(I_range, I0), (mu_s, mu_2), real)
 
 
 def one_law(results: Sequence[Result]) -> OneLaw:
