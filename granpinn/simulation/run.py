@@ -57,7 +57,7 @@ class Recorder:
         fields = {"u": state.u_center, "v": state.v_center, "p": state.p, "c": state.c}
         self.frames.append({name: field[::step, ::step].copy() for name, field in fields.items()})
         self.times.append(time)
-        x, y, p = (column_heights if self.scene.LEVEL_SURFACE else half_full_cells)(state, h)
+        x, y, p = (column_heights if self.scene.PERIODIC else half_full_cells)(state, h)
         self.surface.append(np.stack([np.full(len(x), time), x, y, p], axis=1))
 
     def flow(self) -> Flow:

@@ -181,9 +181,13 @@ def _gathered(results: Sequence[Result], flows: Sequence[Known], I0_free: bool) 
         by_ends.append(between(I[-1], result.law.I_range))
     J = block_diag(*by_ends)
     parts = dict(zip(("method", "grains"), load().of_flows(flows), strict=True))
-    for name, of in (("scatter", _scatter), ("assumptions", _assumptions)):
-        at_ends = [f.slopes @ of(r) @ f.slopes.T for f, r in zip(flows, results, strict=True)]
-        parts[name] = block_diag(*at_ends)
+    others = {
+        "scatter": [scatter(r.members, DEFAULT.free) for r in results if r.members],
+        "assumptions": [covariance(r.assumptions, DEFAULT.free) for r in results],
+    }
+    for name, own_parts in others.items():
+        pairs = zip(flows, own_parts, strict=True)
+        parts[name] = block_diag(*(flow.slopes @ C @ flow.slopes.T for flow, C in pairs))
     parts = {name: J @ part @ J.T for name, part in parts.items()}
     parts["method"] += block_diag(*own)
     counts = [len(v) for v in I]
@@ -256,12 +260,3 @@ def _descend(
     basis, triangle = np.linalg.qr(white @ slopes[:, free])
     J = np.asarray(np.linalg.solve(triangle, basis.T @ white))
     return float(np.sum((rest - basis @ (basis.T @ rest)) ** 2)), at, J, basis
-
-
-def _scatter(result: Result) -> Float64:
-    assert result.members is not None
-    return scatter(result.members, DEFAULT.free)
-
-
-def _assumptions(result: Result) -> Float64:
-    return covariance(result.assumptions, DEFAULT.free)
