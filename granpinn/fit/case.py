@@ -126,7 +126,7 @@ def posed(flow: Flow, slips: tuple[Reason, ...], config: Config) -> Case:
     """The problem of a sound flow with its likely slips."""
     # Training gets neither the true parameters nor the reference pressure.
     bare = dataclasses.replace(flow, truth=None, p=None)
-    need_of_case(bare, config).require(available(), "memory")
+    room.require(need_of_case(bare, config), available(), "memory")
     seen = add_noise(bare, config.noise, config.seed)
     scales = scales_of(seen)
     seen = with_partial_cells(seen)
@@ -153,19 +153,15 @@ def posed(flow: Flow, slips: tuple[Reason, ...], config: Config) -> Case:
     )
 
 
-def need_of_case(flow: Flow, config: Config) -> room.Need:
-    """What the training of a flow will need: its members, and copies for two assumptions."""
+def need_of_case(flow: Flow, config: Config) -> dict[str, int]:
+    """Bytes of the parts of the training of a flow: its members, copies for two assumptions."""
     count = most_points(flow, config.batch.collocation)
     device = choose_device(config.device).type
     need = room.need_of(config, config.members, [count], device, copies=COPIES)
     if device == "cuda":  # the GPU has the networks
-        need = dataclasses.replace(need, networks=0, batches=0, last_layer=0)
-    each = room.POINT * getattr(torch, config.dtype).itemsize * count
-    return dataclasses.replace(
-        need,
-        points=each,
-        flow=room.CELL * flow.c.size,
-    )
+        need = {}
+    points = room.POINT * getattr(torch, config.dtype).itemsize * count
+    return need | {"points": points, "flow": room.CELL * flow.c.size}
 
 
 def most_points(flow: Flow, share: float) -> int:
