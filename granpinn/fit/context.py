@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from granpinn.fit import ensemble, prediction
+from granpinn.fit import prediction, scoring
 from granpinn.fit.case import Case
 from granpinn.fit.free_curve import with_free_band
 from granpinn.fit.network import TrainedNetwork
@@ -73,7 +73,9 @@ class Context:
         fields = self.fields = self.predicted()
         cohesion = self.network.law.cohesion_of(self.result.theta)
         self.shear = shear_of(fields, cohesion)
-        errors = ensemble.errors(self.case, self.network, fields, self.result.parameters)
+        flow, given = self.case.flow, self.result.parameters
+        at = None if flow.particles is None else self.network.velocity_at(flow.particles)
+        errors = scoring.score(flow, fields, given, at)
         self.result = dataclasses.replace(self.result, error_percent=errors)
         if self.folder is not None:
             write_fields(fields, self.folder / "fields.h5")

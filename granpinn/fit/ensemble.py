@@ -11,13 +11,12 @@ import torch
 from granpinn import results
 from granpinn.data.schema import Units
 from granpinn.data.symmetry import axes_of
-from granpinn.fit import scoring
 from granpinn.fit.case import Case
 from granpinn.fit.network import TrainedNetwork
 from granpinn.fit.prediction import inertial_range
 from granpinn.physics.laws import DEFAULT
 from granpinn.physics.terms import NAMES
-from granpinn.results import ErrorPercent, Fields, Parameter, Parameters, Residuals, Result
+from granpinn.results import Parameter, Parameters, Residuals, Result
 from granpinn.results.records import Assumed, IdentifiedLaw, Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
@@ -161,15 +160,6 @@ def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -
         law=IdentifiedLaw(result.law.name, I_range, reason=reason),
         assumptions=assumed,
     )
-
-
-def errors(
-    case: Case, network: TrainedNetwork, maps: Fields, parameters: Parameters
-) -> ErrorPercent:
-    """Errors of a result against the reference in its flow file, by its fields."""
-    particles = case.flow.particles
-    at_particles = None if particles is None else network.velocity_at(particles)
-    return scoring.score(case.flow, maps, parameters, at_particles)
 
 
 MOST_POINTS = 131072
