@@ -39,8 +39,8 @@ def of_data(objective: Objective) -> str:
     sha, spec = hashlib.sha256(), objective.spec
     lengths = [(m.problem.mean_length, m.problem.window) for m in objective.members]
     constants = (objective.physics, objective.term_weights, spec.input_shift, spec.input_scale)
-    points = (*objective.tensors().values(), objective.places, objective.seeds)
-    for values in (*points, *constants, lengths):
+    given = (points for points in objective.pool if points is not None)
+    for values in (*given, objective.places, objective.seeds, *constants, lengths):
         sha.update(np.ascontiguousarray(torch.as_tensor(values).cpu().numpy()).data)
     return sha.hexdigest()
 

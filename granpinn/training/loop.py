@@ -21,7 +21,7 @@ from granpinn.progress import Progress
 from granpinn.signals import Signals, caught
 from granpinn.training import checkpoint, identity, time_limit
 from granpinn.training.checkpoint import RunState
-from granpinn.training.guard import NonFiniteError, require_finite
+from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import History, described, median, row_of
 from granpinn.training.objective import Objective
 from granpinn.training.schedule import Schedule
@@ -56,7 +56,6 @@ class TrainingLoop:
         limit: time_limit.Limit | None = None,
         members: Sequence[Path | None] | None = None,
     ) -> None:
-        require_finite(objective.tensors())
         self.config = config
         self.single = members is None
         self.progress = progress

@@ -148,13 +148,6 @@ class Objective:
         line, pressure = own.surface_points[:0], own.surface_pressure[:0]
         return replace(own, surface_points=line, surface_pressure=pressure)
 
-    def tensors(self) -> dict[str, Tensor]:
-        """The data by name, for the check that they are finite."""
-        *data, source = self.pool
-        names = ("points", "velocities", "weights", "surface points", "surface pressures")
-        found = {} if source is None else {"source": source}
-        return found | dict(zip(names, data, strict=True))
-
     def evaluate(
         self, control: ControlTable, params: Tensor, theta: Tensor, prefit: bool
     ) -> Evaluation:
