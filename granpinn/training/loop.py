@@ -123,8 +123,8 @@ class TrainingLoop:
 
     def _mark(self) -> None:
         """Start the clocks of this process."""
-        self.started = self.saved = self.corrected = time.monotonic()
-        self.corrected_step = self.trainer.step
+        self.started = self.saved = time.monotonic()
+        self.corrected = self.trainer.step, self.started
         self.before = self.wall_s
 
     def _loop(self, signals: Signals) -> None:
@@ -175,15 +175,14 @@ class TrainingLoop:
         self.progress.at(FIT, trainer.step, trainer.schedule.total, described(row))
 
     def _correct_schedule(self, now: float, limit: time_limit.Limit) -> None:
-        trainer = self.trainer
-        if trainer.schedule.in_prefit(trainer.step):
-            self.corrected, self.corrected_step = now, trainer.step
+        trainer, since = self.trainer, self.corrected
+        in_prefit = trainer.schedule.in_prefit(trainer.step)
+        if not in_prefit and now - since[1] <= CORRECT_EVERY * (limit.until - self.started):
             return
-        schedule = trainer.schedule
-        if now - self.corrected > CORRECT_EVERY * (limit.until - self.started):
-            since = (self.corrected_step, self.corrected)
-            schedule = time_limit.corrected(trainer, since, limit, self.at_most)
-            self.corrected, self.corrected_step = now, trainer.step
+        self.corrected = trainer.step, now
+        if in_prefit:
+            return
+        schedule = time_limit.corrected(trainer, since, limit, self.at_most)
         if schedule != trainer.schedule:
             trainer.schedule = schedule
             trainer.remember()
