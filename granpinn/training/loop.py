@@ -112,7 +112,8 @@ class TrainingLoop:
             self.progress.message(f"{self.checkpoints} holds no checkpoint yet: starting anew")
             return False
         checkpoint.require_same(found, *self.identity)
-        checkpoint.restore(found, self.trainer.tensors())
+        for name, tensor in self.trainer.tensors().items():
+            tensor.copy_(found.tensors[name])
         self.trainer.set_plain_state(found.state.training)
         self.wall_s, self.stopped = found.state.wall_s, found.state.stopped
         self.limit = None  # the schedule of the checkpoint stays
