@@ -69,7 +69,7 @@ def settings_of(task: Task, config: Config, i: int) -> Config:
 
 def balanced(task: Task, path: Path, config: Config) -> dict[str, Any] | None:
     """The momentum balance of a flow, as its identification sees it."""
-    return balance_of(pose(read(task, path), config).shared.balance(config.I0))
+    return balance_of(pose(read(task, path), config).balance(config.I0))
 
 
 def identified(
