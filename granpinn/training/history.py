@@ -121,29 +121,20 @@ def _cells(row: Row) -> list[object]:
     return ["" if math.isnan(v) else v for v in row.values()]
 
 
-def _rows(text: str, law: FrictionLaw) -> list[list[float]]:
-    """The numbers of a history.csv, NaN for an empty cell; ValueError: it holds something else."""
-    names = columns(law)
-    try:
-        header, *lines = [*csv.reader(io.StringIO(text))] or [[]]
-    except csv.Error as error:
-        raise ValueError(str(error)) from None
-    if tuple(header) != names or any(len(cells) != len(names) for cells in lines):
-        raise ValueError(f"it should have the columns {', '.join(names)}")
-    rows = [[float(cell or math.nan) for cell in cells] for cells in lines]
-    if not all(math.isfinite(row[0]) for row in rows):
-        raise ValueError("it should have a step in every line")
-    return rows
-
-
 def read_history(path: Path, law: FrictionLaw = DEFAULT) -> dict[str, Float64]:
     """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
+    names = columns(law)
     try:
         text = read_text(path)
-        table = np.array(_rows(text[: text.rfind("\n") + 1], law), np.float64)
+        lines = [line.split(",") for line in text[: text.rfind("\n") + 1].splitlines()]
+        if lines[:1] != [[*names]] or any(len(cells) != len(names) for cells in lines):
+            raise ValueError(f"it should have the columns {', '.join(names)}")
+        rows = [[float(cell or math.nan) for cell in cells] for cells in lines[1:]]
+        table = np.array(rows, np.float64).reshape(-1, len(names))
+        if not np.isfinite(table[:, 0]).all():
+            raise ValueError("it should have a step in every line")
     except FileNotFoundError:
         raise HistoryFileError(f"{path.name} does not exist") from None
     except ValueError as error:
         raise HistoryFileError(f"{path.name} could not be read: {error}") from None
-    names = columns(law)
-    return dict(zip(names, table.reshape(-1, len(names)).T, strict=True))
+    return dict(zip(names, table.T, strict=True))
