@@ -110,7 +110,7 @@ def one_law(results: Sequence[Result]) -> OneLaw:
         elif np.linalg.matrix_rank(wider.by_parameters(wide.I, results[0].theta)) < 3:
             words += "all flows have the same range of I"
         else:
-            found = fit(wide.y, wide.C, wide.I, wider, results[0].theta, wide.points)
+            found = fit(wide, wider, results[0].theta)
             C = found.J @ wide.C @ found.J.T
             share = float(np.sqrt(C[-1, -1])) / found.theta[-1]
             left = f"the flows leave a standard deviation of {100 * share:.2g} %"
@@ -119,7 +119,7 @@ def one_law(results: Sequence[Result]) -> OneLaw:
             else:
                 data, law, words = wide, wider, f"I0 is identified: {left}"
     if law is DEFAULT:
-        found = fit(data.y, data.C, data.I, law, results[0].theta, data.points)
+        found = fit(data, law, results[0].theta)
     values = dict(zip(law.free, (found.theta[law.names.index(n)] for n in law.free), strict=True))
     outside = [words for r in results if r.error_bars for words in r.error_bars.outside]
     if any(flow.real for flow in flows):
@@ -143,15 +143,18 @@ class Gathered(NamedTuple):
     Attributes:
         I, y: inertial numbers and log mu there [n].
         parts: covariances of the errors of y, by their cause [n, n].
-        points: how many of the n are of each flow [F].
         by_ends: errors of y of each flow by those at both ends of its range of I.
     """
 
     I: Float64
     y: Float64
     parts: dict[str, Float64]
-    points: list[int]
     by_ends: list[Float64]
+
+    @property
+    def points(self) -> list[int]:
+        """How many of the n are of each flow [F]."""
+        return list(map(len, self.by_ends))
 
     @property
     def C(self) -> Float64:
@@ -190,8 +193,7 @@ def _gathered(results: Sequence[Result], flows: Sequence[Known], I0_free: bool) 
         parts[name] = block_diag(*(flow.slopes @ C @ flow.slopes.T for flow, C in pairs))
     parts = {name: J @ part @ J.T for name, part in parts.items()}
     parts["method"] += block_diag(*own)
-    counts = [len(v) for v in I]
-    return Gathered(np.concatenate(I), np.concatenate(y), parts, counts, by_ends)
+    return Gathered(np.concatenate(I), np.concatenate(y), parts, by_ends)
 
 
 class LeastSquares(NamedTuple):
@@ -210,39 +212,25 @@ class LeastSquares(NamedTuple):
     p_value: float
 
 
-def fit(
-    y: Float64,
-    C: Float64,
-    I: Float64,
-    law: FrictionLaw,
-    theta: Sequence[float],
-    points: Sequence[int],
-) -> LeastSquares:
-    """The law that fits log mu best.
-
-    Args:
-        y, C: log mu at n inertial numbers [n] and the covariance of its errors [n, n].
-        I: the inertial numbers [n].
-        law, theta: mu(I), whose free parameters are fitted from these values on.
-        points: how many of the n are of each flow [F].
-    """
-    white = np.linalg.inv(np.linalg.cholesky(C))
+def fit(data: Gathered, law: FrictionLaw, theta: Sequence[float]) -> LeastSquares:
+    """The law mu(I) that fits log mu best, its free parameters from the values theta on."""
+    white = np.linalg.inv(np.linalg.cholesky(data.C))
     free = [law.names.index(name) for name in law.free]
     mu_s, mu_2, I0 = theta
     # Two I0 can give a curve the same curvature.
     starts = STARTS if "I0" in law.free else (1.0,)
-    found = [_descend(y, white, I, law, (mu_s, mu_2, factor * I0)) for factor in starts]
+    found = [_descend(data, white, law, (mu_s, mu_2, factor * I0)) for factor in starts]
     value, at, J, basis = min(found, key=itemgetter(0))
-    rng, n, freedom = np.random.default_rng(SEED), len(y), load().freedom
-    scale = np.sqrt(freedom / rng.chisquare(freedom, (DRAWS, len(points))))
-    drawn = rng.standard_normal((DRAWS, n)) * np.repeat(scale, points, axis=1)
+    rng, n, freedom = np.random.default_rng(SEED), len(data.y), load().freedom
+    scale = np.sqrt(freedom / rng.chisquare(freedom, (DRAWS, len(data.points))))
+    drawn = rng.standard_normal((DRAWS, n)) * np.repeat(scale, data.points, axis=1)
     drawn -= (drawn @ basis) @ basis.T
     above = int(np.count_nonzero(np.sum(drawn**2, axis=1) >= value))
     return LeastSquares(tuple(at.tolist()), J, value, n - len(free), (1 + above) / (1 + DRAWS))
 
 
 def _descend(
-    y: Float64, white: Float64, I: Float64, law: FrictionLaw, theta: Sequence[float]
+    data: Gathered, white: Float64, law: FrictionLaw, theta: Sequence[float]
 ) -> tuple[float, Float64, Float64, Float64]:
     """Chi-square of the law nearest to theta, the law, its errors by those of y, and a basis."""
     free = [law.names.index(name) for name in law.free]
@@ -251,9 +239,9 @@ def _descend(
     for _ in range(STEPS):
         mu_s, rise, I0 = np.exp(q)
         at = np.array([mu_s, mu_s + rise, I0])
-        mu = law.friction(I, *at)
-        slopes = law.by_parameters(I, at) / mu[:, None]
-        rest = white @ (y - np.log(mu))
+        mu = law.friction(data.I, *at)
+        slopes = law.by_parameters(data.I, at) / mu[:, None]
+        rest = white @ (data.y - np.log(mu))
         by_q = slopes @ np.array([[mu_s, 0, 0], [mu_s, rise, 0], [0, 0, I0]])
         step = np.linalg.lstsq(white @ by_q[:, free], rest, rcond=None)[0]
         q[free] += np.clip(step, -LONGEST, LONGEST)
