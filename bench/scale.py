@@ -36,7 +36,7 @@ from bench.studies.cores import alone
 from granpinn.config import Config
 from granpinn.data.schema import FORMAT_NAME, FORMAT_VERSION
 from granpinn.identification.identify import identify
-from granpinn.training.progress import Progress
+from granpinn.progress import Progress
 
 SIZES = ((200, 128), (2000, 512))  # frames, and cells along each side of the grid
 HOST_GB, DEVICE_GB, SPEED = 4.0, 8.0, 0.9  # the claim

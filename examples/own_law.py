@@ -17,8 +17,8 @@ from torch import Tensor
 import granpinn
 from granpinn import laws
 from granpinn.config import Network
+from granpinn.progress import automatic
 from granpinn.simulation import demo_path
-from granpinn.training.progress import automatic
 
 
 def mu(I: Tensor, theta: Sequence[Tensor]) -> Tensor:

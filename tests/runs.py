@@ -13,11 +13,11 @@ from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import Facts
 from granpinn.fit.case import fixed_values
 from granpinn.physics.laws import LAWS
+from granpinn.progress import Progress
 from granpinn.training import problem
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.objective import Member, Objective
 from granpinn.training.points import training_set
-from granpinn.training.progress import Progress
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
 

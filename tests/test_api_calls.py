@@ -38,8 +38,8 @@ from granpinn.errors import BadInput, CannotGoOn
 from granpinn.importers import read
 from granpinn.importers.settings import Settings
 from granpinn.laws import Law, Parameter, register
+from granpinn.progress import Progress
 from granpinn.results import read_fields, read_results
-from granpinn.training.progress import Progress
 from tests.flows import make_flow
 from tests.runs import TINY
 
@@ -76,8 +76,8 @@ class Begun(Progress):
 
     steps = 0
 
-    def start(self, total: int, done: int) -> None:
-        self.steps = total
+    def at(self, name: str, done: float, total: float, text: str = "") -> None:
+        self.steps = int(total)
 
 
 def made_flow(**fields: Any) -> Any:
@@ -165,7 +165,7 @@ def calls(folder: Path, begun: Begun) -> dict[str, tuple[Callable[..., Any], dic
         "simulate": (
             granpinn.simulate,
             {"cells": 32, "frames": 2, "t_end": 0.1, "stride": 4, "mu_s": 0.4, "aspect": 1.0}
-            | {"height": 1.0, "d": 0.02, "out": None, "listener": None, "gravity": (0.0, -1.0)},
+            | {"height": 1.0, "d": 0.02, "out": None, "progress": None, "gravity": (0.0, -1.0)},
         ),
     }
 

@@ -108,13 +108,13 @@ def prepare(case: Case) -> None:
     name = case.member.law.inertial_scale
     scale = I0 if name is None else case.member.fixed.get(name)
     if scale is not None:
-        case.shared.balance(scale)
+        case.balance(scale)
 
 
 def make(context: Context) -> MomentumBalance:
     case, result = context.case, context.result
     name = result.friction_law.inertial_scale
-    found = case.shared.balance(I0 if name is None else result.parameters[name].value)
+    found = case.balance(I0 if name is None else result.parameters[name].value)
     if undetermined(case.seen, result.level) is not None:
         return MomentumBalance(found)  # the network's law has no meaning
     if found.carried:

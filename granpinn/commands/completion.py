@@ -12,10 +12,12 @@ if __name__ == "__main__":
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 
 import shtab
 
-from granpinn.commands.shared.cli import VERBS, Command, command
+from granpinn.commands.shared.cli import VERBS, command
+from granpinn.commands.shared.exit_codes import exit_code
 from granpinn.commands.shared.parser import Parser
 
 SHELLS = ("bash", "zsh", "fish")
@@ -53,4 +55,4 @@ def script(shell: str, parsers: dict[str, Parser]) -> str:
     return shtab.complete(program, shell)
 
 
-main = Command("completion", parser, run)
+main = partial(exit_code, "completion", run)

@@ -13,14 +13,15 @@ if __name__ == "__main__":
 
 import os
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import granpinn
-from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.exit_codes import exit_code
 from granpinn.commands.shared.parser import Parser
 
 Section = dict[str, Any]
@@ -170,21 +171,7 @@ def small_problem(form: str, device: str, dtype: str) -> tuple[Any, ...]:
     return params, theta, batch, torch.ones(len(terms.NAMES), **kind), spec, physics
 
 
-def examine() -> tuple[dict[str, Section], str | None]:
-    """All sections in the order of printing, and the fault, if any."""
-    report = {"versions": versions()}
-    steps: dict[str, Callable[[], Section]] = {
-        "build": build,
-        "cpu": cpu,
-        "gpu": gpu,
-        "self-check": self_check,
-    }
-    try:
-        for name, step in steps.items():
-            report[name] = step()
-    except Trouble as trouble:
-        return report, str(trouble)
-    return report, None
+SECTIONS = {"versions": versions, "build": build, "cpu": cpu, "gpu": gpu, "self-check": self_check}
 
 
 def parser() -> Parser:
@@ -193,13 +180,14 @@ def parser() -> Parser:
 
 def run(argv: Sequence[str]) -> int:
     parser().parse_args(argv)
-    report, trouble = examine()
-    for title, section in report.items():
-        print(title)
-        for key, value in section.items():
-            print(f"  {key:<16} {value}")
-    print(f"\nThe kernels do not work: {trouble}" if trouble else "\nThe kernels work.")
-    return 1 if trouble else 0
+    try:
+        for title, section in SECTIONS.items():
+            print("\n".join([title, *(f"  {key:<16} {value}" for key, value in section().items())]))
+    except Trouble as trouble:
+        print(f"\nThe kernels do not work: {trouble}")
+        return 1
+    print("\nThe kernels work.")
+    return 0
 
 
-main = Command("doctor", parser, run)
+main = partial(exit_code, "doctor", run)

@@ -14,9 +14,10 @@ if __name__ == "__main__":
     cli.start("export")
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.exit_codes import exit_code
 from granpinn.commands.shared.parser import Parser
 from granpinn.results import read_results
 from granpinn.results.export import FORMATS
@@ -43,4 +44,4 @@ def run(argv: Sequence[str]) -> int:
     return 0
 
 
-main = Command("export", parser, run)
+main = partial(exit_code, "export", run)

@@ -11,8 +11,9 @@ if __name__ == "__main__":
     cli.start("film")
 
 from collections.abc import Sequence
+from functools import partial
 
-from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.exit_codes import exit_code
 from granpinn.commands.shared.flow_files import add_arguments, parse, write
 from granpinn.commands.shared.parser import Parser
 from granpinn.filming import SETTINGS, film
@@ -46,4 +47,4 @@ def run(argv: Sequence[str]) -> int:
     return 0
 
 
-main = Command("film", parser, run)
+main = partial(exit_code, "film", run)

@@ -15,9 +15,10 @@ if __name__ == "__main__":
 import dataclasses
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.exit_codes import exit_code
 from granpinn.commands.shared.flow_files import require_flow_files, training_of
 from granpinn.commands.shared.parser import Parser, program
 from granpinn.config import ConfigError, SideWalls, settings_of
@@ -112,4 +113,4 @@ def run(argv: Sequence[str]) -> int:
     return 0
 
 
-main = Command("inspect", parser, run)
+main = partial(exit_code, "inspect", run)

@@ -13,9 +13,10 @@ if __name__ == "__main__":
     cli.start("report")
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.exit_codes import exit_code
 from granpinn.commands.shared.parser import Parser
 from granpinn.config.fields import Setting
 from granpinn.output import owned
@@ -50,4 +51,4 @@ def run(argv: Sequence[str]) -> int:
     return 0
 
 
-main = Command("report", parser, run)
+main = partial(exit_code, "report", run)

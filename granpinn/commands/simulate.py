@@ -16,14 +16,15 @@ if __name__ == "__main__":
     cli.start("simulate")
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.exit_codes import exit_code
 from granpinn.commands.shared.parser import Parser
 from granpinn.config import settings_of
 from granpinn.output import require_file
+from granpinn.progress import automatic
 from granpinn.simulation import Chute, Collapse, Scene, simulate
-from granpinn.simulation.run import lines
 
 EXAMPLES = """examples:
   python -m granpinn.simulate --mu-s 0.4 --mu-2 0.64 --out collapse.h5
@@ -64,12 +65,9 @@ def run(argv: Sequence[str]) -> int:
     name = argv[0] if named else "collapse"
     given = vars(parser(name).parse_args(argv[1:] if named else argv))
     out = require_file(given.pop("out"))
-    scene = SCENES[name](**given)
-    t_end = scene.resolved().t_end
-    assert t_end is not None
-    simulate(scene, out=out, listener=lines(t_end))
+    simulate(SCENES[name](**given), out=out, progress=automatic())
     print(f"flow file: {out}")
     return 0
 
 
-main = Command("simulate", parser, run)
+main = partial(exit_code, "simulate", run)

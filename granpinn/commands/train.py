@@ -22,11 +22,11 @@ if __name__ == "__main__":
 
 import time
 from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from granpinn.commands.shared import exit_codes
-from granpinn.commands.shared.cli import Command
+from granpinn.commands.shared.exit_codes import exit_code, keep_what_is_loaded
 from granpinn.commands.shared.parser import Parser, program
 from granpinn.config import Config, ConfigError, settings_of
 from granpinn.config.fields import sections_of
@@ -60,13 +60,6 @@ EXAMPLES = """examples:
 Ctrl-C saves a checkpoint and stops; a second Ctrl-C stops at once."""
 
 
-class Arguments(NamedTuple):
-    """What a command line gives: settings, and whether to print all that is known."""
-
-    config: Config
-    verbose: bool
-
-
 def parser(usual: Collection[str] | None = None) -> Parser:
     """The parser; `usual`: the settings that its help shows, by default all."""
     made = Parser(
@@ -97,8 +90,8 @@ def parser(usual: Collection[str] | None = None) -> Parser:
     return made
 
 
-def parse(argv: Sequence[str]) -> Arguments:
-    """The arguments of a command line; the message of ConfigError is one sentence.
+def parse(argv: Sequence[str]) -> tuple[Config, bool]:
+    """The settings, and whether to print all; the message of ConfigError is one sentence.
 
     Later ones win: recipe, `config.toml` of the run that is resumed, `--config` file, flags.
     Without a flow file: the settings of the demonstration, changed by those that are given.
@@ -134,7 +127,7 @@ def parse(argv: Sequence[str]) -> Arguments:
     for name, text in (("flow", "FLOW, the flow file,"), ("out", "--out, the folder of the run,")):
         if getattr(config, name) is None:
             raise ConfigError(f"{text} is missing: {program('train')} FLOW.h5 --out DIR")
-    return Arguments(config, verbose)
+    return config, verbose
 
 
 def _demonstration(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -154,8 +147,8 @@ def run(argv: Sequence[str]) -> int:
     foreign.start()  # it opens the flow file; its imports run beside those of torch
     from granpinn.commands.shared import training_run
 
-    exit_codes.keep_what_is_loaded()
+    keep_what_is_loaded()
     return training_run.run(config, verbose, begin)
 
 
-main = Command("train", parser, run)
+main = partial(exit_code, "train", run)

@@ -37,8 +37,8 @@ class Setting:
         kind: its type, such as `tuple[int, ...]` or `float | None`.
         default: its value in the default recipe.
         help: the sentence that explains it.
-        low, high: range of a number, or of each number of a tuple. An integer states its own.
-        positive: a number must be above 0, which is a `low` of TINY.
+        low, high: range of a number, or of each number of a tuple; a `low` of TINY: above 0. An
+            integer states its own.
         choices: the values that it may have; (): all of its type.
         free: a resumed run may have another value, since it changes no number of the training.
         group: heading of the flag in the help; of a setting in a section the section.
@@ -50,7 +50,6 @@ class Setting:
     help: str
     low: float = -LARGEST
     high: float = LARGEST
-    positive: bool = False
     choices: Collection[Any] = ()
     free: bool = False
     group: str = ""
@@ -74,7 +73,7 @@ class Setting:
         if self.choices and value not in self.choices:
             raise ConfigError(f"{name} must be {self.range_text}, got {shown(value)}")
         numbers = value if isinstance(value, tuple) else (value,)
-        if any(isinstance(x, int | float) and not self._holds(x) for x in numbers):
+        if any(isinstance(x, int | float) and not self.low <= x <= self.high for x in numbers):
             raise ConfigError(
                 f"{name} must be {self.range_text}, got {as_text(value)}: --help explains it"
             )
@@ -88,9 +87,6 @@ class Setting:
         """
         return self.check(_of_text(text, self.kind), name)
 
-    def _holds(self, x: float) -> bool:
-        return (TINY if self.positive else self.low) <= x <= self.high
-
     @property
     def range_text(self) -> str:
         """The choices or the range in words."""
@@ -98,7 +94,7 @@ class Setting:
             return f"one of {', '.join(self.choices)}"
         if math.isinf(self.high):
             return f"at least {self.low:g}"
-        if self.positive:
+        if self.low == TINY:
             return f"positive and at most {self.high:g}"
         return f"in [{self.low:g}, {self.high:g}]"
 

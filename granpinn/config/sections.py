@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, make_dataclass
 from typing import Any, Literal
 
-from granpinn.config.fields import ConfigError, setting
+from granpinn.config.fields import TINY, ConfigError, setting
 from granpinn.physics.terms import TERMS
 
 NEARLY_1 = 1 - 1e-6  # a mean with a factor of 1 would never move
@@ -28,7 +28,7 @@ class Network:
         "first parameters: wide (first layer of unit variance, hidden gain 1.4) or Glorot uniform",
     )
     pressure_scale: float = setting(
-        0.2, "pressure of an output of 1, in units of the flow", positive=True
+        0.2, "pressure of an output of 1, in units of the flow", low=TINY
     )
 
 
@@ -50,7 +50,7 @@ class Rheology:
         "of the law, or of the flow; I0 has the flag --I0",
         metavar="NAME=X,...",
     )
-    p_floor: float = setting(1e-6, "smallest pressure in I = d gamma_dot / sqrt(p)", positive=True)
+    p_floor: float = setting(1e-6, "smallest pressure in I = d gamma_dot / sqrt(p)", low=TINY)
 
     @property
     def fixed(self) -> dict[str, float]:
@@ -156,7 +156,7 @@ class Optimizer:
         0.15, "part of the run, at its start, that fits the velocity alone", low=0, high=0.99
     )
     beta_2: float = setting(0.99, "decay of the second moment of adam", low=0, high=NEARLY_1)
-    epsilon: float = setting(1e-8, "epsilon of adam", positive=True, high=1)
+    epsilon: float = setting(1e-8, "epsilon of adam", low=TINY, high=1)
     momentum: float = setting(0.95, "momentum of Muon", low=0, high=NEARLY_1)
     last_layer: bool = setting(
         True, "end with Gauss-Newton steps in the last layer and the friction law (mixed form)"

@@ -127,7 +127,7 @@ class Config:
         low=0,
         high=100,
     )
-    I0: float = setting(0.3, "I0 of the friction law, held fixed", positive=True)
+    I0: float = setting(0.3, "I0 of the friction law, held fixed", low=TINY)
     seed: int = setting(
         0, "seed of the network, of the batches and of the noise", low=0, high=2**63 - 1
     )

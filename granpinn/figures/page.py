@@ -20,10 +20,10 @@ from granpinn.figures import album
 from granpinn.output import write_text
 from granpinn.output.table import Table
 from granpinn.output.templates import environment
+from granpinn.progress import duration
 from granpinn.results import Result, number
 from granpinn.results.assessment import reach_of
 from granpinn.results.result import in_words, percent, true_friction
-from granpinn.training.progress import duration
 
 if TYPE_CHECKING:
     from granpinn.identification.identified import Identification

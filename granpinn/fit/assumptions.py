@@ -25,7 +25,7 @@ TIME_SHARE = 0.25  # of the time of a training with a time limit, for the traini
 def surface(case: Case) -> Assumption | None:
     """The offset of the surface line along its outward normal; at level V0 of the outline."""
     level = case.config.level
-    sd = case.shared.surface_sd
+    sd = case.surface_sd
     if sd == 0:
         return None
     given = surface_of(case.seen, level)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import torch
 
@@ -34,31 +34,6 @@ from granpinn.training.points import training_set, training_sets, vector_count
 COPIES = 4  # of a network, for the assumptions of one flow (assumptions.py)
 
 
-class Shared:
-    """Values of a flow that are made when they are first asked for.
-
-    Args:
-        flow: as in its file; of a large flow, every n-th frame.
-        seen: as the training saw it.
-        config: of the training.
-    """
-
-    def __init__(self, flow: Flow, seen: Flow, config: Config) -> None:
-        self._flow, self._seen, self._config = flow, seen, config
-        self._balance: dict[float, Baseline] = {}
-
-    @cached_property
-    def surface_sd(self) -> float:
-        """Standard deviation of the offset of the surface line (granpinn/data/surface.py)."""
-        return surface_sd(self._flow, self._config.level)
-
-    def balance(self, scale: float) -> Baseline:
-        """The momentum balance with a law of an inertial scale."""
-        if scale not in self._balance:
-            self._balance[scale] = baseline(self._seen, scale, self._config.side_walls)
-        return self._balance[scale]
-
-
 @dataclass(frozen=True)
 class Case:
     """A flow, the settings to identify it with, and the part of it that training uses.
@@ -71,7 +46,7 @@ class Case:
             surface, without the true values.
         known_sd: rms standard deviation of its velocity, in the units of the file; 0: not known.
         facts: what the vectors of `seen` show; members of one flow share it.
-        shared: further values of this flow, which members of one flow share.
+        made: further values, which are made once for all members of one flow.
     """
 
     flow: Flow
@@ -82,12 +57,29 @@ class Case:
     seen: Flow
     known_sd: float
     facts: Facts
-    shared: Shared
+    made: dict[Any, Any] = field(default_factory=dict)
 
     @property
     def sampled(self) -> str | None:
         """Which frames of a large flow are used, or that a flow is a mean, in words."""
         return said(self.flow)
+
+    @property
+    def surface_sd(self) -> float:
+        """Standard deviation of the offset of the surface line (granpinn/data/surface.py)."""
+        return float(self._once("sd", lambda: surface_sd(self.flow, self.config.level)))
+
+    def balance(self, scale: float) -> Baseline:
+        """The momentum balance with a law of an inertial scale."""
+        found: Baseline = self._once(
+            scale, lambda: baseline(self.seen, scale, self.config.side_walls)
+        )
+        return found
+
+    def _once(self, name: Any, make: Callable[[], Any]) -> Any:
+        if name not in self.made:
+            self.made[name] = make()
+        return self.made[name]
 
 
 def pose(flow: Flow | str | os.PathLike[str], config: Config) -> Case:
@@ -118,7 +110,7 @@ def posed(flow: Flow, slips: tuple[Reason, ...], config: Config) -> Case:
     """The problem of a sound flow with its likely slips."""
     # Training gets neither the true parameters nor the reference pressure.
     bare = dataclasses.replace(flow, truth=None, p=None)
-    need_of_case(bare, config).require(available(), "memory")
+    room.require(need_of_case(bare, config), available(), "memory")
     seen = add_noise(bare, config.noise, config.seed)
     scales = scales_of(seen)
     seen = with_partial_cells(seen)
@@ -141,23 +133,18 @@ def posed(flow: Flow, slips: tuple[Reason, ...], config: Config) -> Case:
         seen=seen,
         known_sd=known_sd(seen),
         facts=facts.without_arrays(),
-        shared=Shared(flow, seen, config),
     )
 
 
-def need_of_case(flow: Flow, config: Config) -> room.Need:
-    """What the training of a flow will need: its members, and copies for two assumptions."""
+def need_of_case(flow: Flow, config: Config) -> dict[str, int]:
+    """Bytes of the parts of the training of a flow: its members, copies for two assumptions."""
     count = most_points(flow, config.batch.collocation)
     device = choose_device(config.device).type
     need = room.need_of(config, config.members, [count], device, copies=COPIES)
     if device == "cuda":  # the GPU has the networks
-        need = dataclasses.replace(need, networks=0, batches=0, last_layer=0)
-    each = room.POINT * getattr(torch, config.dtype).itemsize * count
-    return dataclasses.replace(
-        need,
-        points=each,
-        flow=room.CELL * flow.c.size,
-    )
+        need = {}
+    points = room.POINT * getattr(torch, config.dtype).itemsize * count
+    return need | {"points": points, "flow": room.CELL * flow.c.size}
 
 
 def most_points(flow: Flow, share: float) -> int:

@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from granpinn.fit import ensemble, prediction
+from granpinn.fit import prediction, scoring
 from granpinn.fit.case import Case
 from granpinn.fit.free_curve import with_free_band
 from granpinn.fit.network import TrainedNetwork
-from granpinn.fit.prediction import Shear, shear_of, with_curve
+from granpinn.fit.prediction import Shear, shear_of, with_law
 from granpinn.results import Fields, Result, write_fields, write_results
 from granpinn.results.record import Record, why_not_done
 from granpinn.training.loop import TrainingLoop
@@ -73,7 +73,9 @@ class Context:
         fields = self.fields = self.predicted()
         cohesion = self.network.law.cohesion_of(self.result.theta)
         self.shear = shear_of(fields, cohesion)
-        errors = ensemble.errors(self.case, self.network, fields, self.result.parameters)
+        flow, given = self.case.flow, self.result.parameters
+        at = None if flow.particles is None else self.network.velocity_at(flow.particles)
+        errors = scoring.score(flow, fields, given, at)
         self.result = dataclasses.replace(self.result, error_percent=errors)
         if self.folder is not None:
             write_fields(fields, self.folder / "fields.h5")
@@ -81,5 +83,5 @@ class Context:
     def draw_curve(self) -> None:
         """Take the law over the range of I where grains shear, with its band, if fields show it."""
         if self.shear is not None:
-            result = with_curve(self.result, self.case, self.shear)
+            result = with_law(self.result, self.case, self.shear)
             self.result = with_free_band(result, self.case, self.run, self.place)

@@ -5,26 +5,24 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import torch
 
 from granpinn import results
 from granpinn.data.schema import Units
 from granpinn.data.symmetry import axes_of
-from granpinn.fit import scoring
 from granpinn.fit.case import Case
 from granpinn.fit.network import TrainedNetwork
 from granpinn.fit.prediction import inertial_range
 from granpinn.physics.laws import DEFAULT
 from granpinn.physics.terms import NAMES
-from granpinn.results import ErrorPercent, Fields, Parameter, Parameters, Residuals, Result
+from granpinn.results import Parameter, Parameters, Residuals, Result
 from granpinn.results.records import Assumed, IdentifiedLaw, Members
 from granpinn.training.loop import TrainingLoop
 from granpinn.training.trainer import Trainer
 from granpinn.uncertainty import error_bars
 from granpinn.uncertainty.error_bars import center, most_central
-from granpinn.uncertainty.error_model import Known, Pair, ends_of
+from granpinn.uncertainty.error_model import ends_of
 
 
 def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Members, int]:
@@ -65,25 +63,6 @@ def residuals_of(case: Case, trainer: Trainer, e: int) -> Residuals | None:
     noise = case.scales.to_dimensionless(case.known_sd, "velocity") * math.sqrt(2)
     speed = _rms_speed(case)
     return Residuals(rms, velocity=rms["velocity"] / speed, noise=noise / speed)
-
-
-def known_by(case: Case, residuals: Residuals, steps: int, x: Pair, mu: Pair) -> Known:
-    """What a run of so many steps knows of the accuracy of its law.
-
-    Args:
-        x: I/(I + I0) at both ends of the range of I.
-        mu: mu_s and mu_2.
-    """
-    return error_bars.known_by(
-        residuals,
-        measured_noise(case),
-        x=x,
-        mu=mu,
-        vectors=case.facts.independent,
-        steps=steps,
-        outline=case.config.level == "V0",
-        real=not case.flow.of_solver,
-    )
 
 
 def measured_noise(case: Case) -> float | None:
@@ -133,86 +112,54 @@ def result(
         network: its network.
         assumed: assumptions and their effect on the law.
     """
-    flow, config, data = case.flow, case.config, case.member.data
-    failure, steps = run.trainer.diverged.get(e), run.trainer.step
-    residuals = residuals_of(case, run.trainer, e)
-    I_range = inertial_range(data, network)
-    law = _law(case, members, residuals, steps, failure is not None, assumed, I_range)
-    return Result(
-        **law,
+    flow, config, law = case.flow, case.config, case.member.law
+    failure = run.trainer.diverged.get(e)
+    values = {**case.member.fixed, **dict(zip(law.free, center(members, law), strict=True))}
+    bare = Result(
+        parameters=Parameters(
+            (name, Parameter(values[name], fixed=name not in law.free)) for name in law.names
+        ),
         level=config.level,
         form=config.form,
         recipe=config.recipe,
         seed=config.seed,
         data=data_of(case),
-        timing=results.Timing(run.wall_s, steps),
+        timing=results.Timing(run.wall_s, run.trainer.step),
         device=str(run.trainer.params.device),
         versions=results.versions(),
         input=results.Input(flow.path.name if flow.path else "in memory", flow.sha256),
+        law=IdentifiedLaw(law.name, inertial_range(case.member.data, network)),
         settings=dataclasses.asdict(config),
         stopped=run.stopped if failure is None else "diverged",
         failure=failure,
         truth=flow.truth,
         members=members,
-        residuals=residuals,
+        residuals=residuals_of(case, run.trainer, e),
     )
-
-
-def _law(
-    case: Case,
-    members: Members,
-    residuals: Residuals | None,
-    steps: int,
-    diverged: bool,
-    assumed: tuple[Assumed, ...],
-    I_range: Pair | None,
-) -> dict[str, Any]:
-    """The fields of a result that its assumptions change: the law, its error bars or why none."""
-    law, known = case.member.law, None
-    values = {**case.member.fixed, **dict(zip(law.free, center(members, law), strict=True))}
-    if law.name == DEFAULT.name and residuals is not None and I_range is not None:
-        x, mu = ends_of(I_range, values["I0"]), (values["mu_s"], values["mu_2"])
-        known = known_by(case, residuals, steps, x, mu)
-    judged = error_bars.judge(
-        members,
-        residuals,
-        known,
-        case.config,
-        diverged,
-        case.member.problem.symmetries,
-        assumed,
-    )
-    reason = judged if isinstance(judged, str) else None
-    found = None if isinstance(judged, str) else judged
-    free = {} if found is None else found.parameters
-    return {
-        "parameters": Parameters(
-            (name, free.get(name) or Parameter(values[name], fixed=name not in law.free))
-            for name in law.names
-        ),
-        "covariance": None if found is None else found.covariance,
-        "error_bars": None if found is None else found.bars,
-        "law": IdentifiedLaw(law.name, I_range, reason=reason),
-        "assumptions": assumed,
-    }
+    return with_assumptions(bare, case, assumed)
 
 
 def with_assumptions(result: Result, case: Case, assumed: tuple[Assumed, ...]) -> Result:
-    """The result of `result` with other effects of its assumptions on the law."""
-    assert result.members is not None
-    steps, diverged = result.timing.steps, result.failure is not None
-    known = result.members, result.residuals, steps, diverged
-    law = _law(case, *known, assumed, result.law.I_range)
-    return dataclasses.replace(result, **law)
-
-
-def errors(
-    case: Case, network: TrainedNetwork, maps: Fields, parameters: Parameters
-) -> ErrorPercent:
-    """Errors of a result against the reference in its flow file, by its fields."""
-    particles = case.flow.particles
-    at_particles = None if particles is None else network.velocity_at(particles)
-    return scoring.score(case.flow, maps, parameters, at_particles)
+    """The result with the effects of its assumptions: its error bars, or why it has none."""
+    values, I_range, known = result.parameters, result.law.I_range, None
+    if result.law.name == DEFAULT.name and result.residuals and I_range is not None:
+        mu_s, mu_2, I0 = result.theta
+        real = not case.flow.of_solver
+        known = error_bars.known_of(result, ends_of(I_range, I0), (mu_s, mu_2), real)
+    judged = error_bars.judge(result, known, case.config, assumed)
+    reason = judged if isinstance(judged, str) else None
+    found = None if isinstance(judged, str) else judged
+    free = {} if found is None else found.parameters
+    return dataclasses.replace(
+        result,
+        parameters=Parameters(
+            (name, free.get(name) or Parameter(p.value, p.fixed)) for name, p in values.items()
+        ),
+        covariance=None if found is None else found.covariance,
+        error_bars=None if found is None else found.bars,
+        law=IdentifiedLaw(result.law.name, I_range, reason=reason),
+        assumptions=assumed,
+    )
 
 
 MOST_POINTS = 131072

@@ -12,7 +12,6 @@ import numpy as np
 
 from granpinn.arrays import Float64
 from granpinn.errors import CannotGoOn
-from granpinn.fit import ensemble
 from granpinn.fit.case import Case
 from granpinn.physics.laws import free
 from granpinn.results import Result
@@ -28,7 +27,7 @@ from granpinn.uncertainty.curve_error import (
     quadratic,
 )
 from granpinn.uncertainty.determined import POINTS
-from granpinn.uncertainty.error_bars import untested
+from granpinn.uncertainty.error_bars import known_of, untested
 
 LARGEST = 1.0  # of mu: beyond it no law can be excluded
 TOLD_APART = 0.95  # of the errors of a free curve: laws that differ by more are told apart
@@ -84,8 +83,7 @@ class FreeCurve:
         if not (mu > 0).all():
             raise NoFreeCurveError("the free curve is not positive over the range of I of the data")
         mu_s, mu_2 = np.linalg.solve(error_model.line(x), mu).tolist()
-        steps = result.timing.steps
-        of_run = ensemble.known_by(case, result.residuals, steps, x, (mu_s, mu_2))
+        of_run = known_of(result, x, (mu_s, mu_2), real=not case.flow.of_solver)
         method, grains = self.model.method(of_run), self.model.grains(of_run)
         self.of_ends: Float64 = self.model.free_curve**2 * method + grains
         usual = math.exp(self.model.lower["constant"])

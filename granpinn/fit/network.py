@@ -143,7 +143,8 @@ class TrainedNetwork:
         """
         spec, theta, physics = self.spec, self.theta, self.physics
         (U, V), P = physics.velocity_scales, physics.pressure_scale
-        z, z_x, z_y, _ = ops.network_jet(points, self.params, *self._network, 1)
+        jets = ops.network_jet(points, self.params, *self._network, 2)
+        z, z_x, z_y = jets[:3]
         u, v = U * z[:, 0], V * z[:, 1]
         D_xx, D_yy = U * z_x[:, 0], V * z_y[:, 1]
         D_xy = (U * z_y[:, 0] + V * z_x[:, 1]) / 2
@@ -158,8 +159,7 @@ class TrainedNetwork:
             tau_xx, tau_xy = p * z[:, 3], p * z[:, 4]
         else:
             tau_xx, tau_xy = eta * (D_xx - D_yy), 2 * eta * D_xy
-        at = (points, self.params, theta, *self._network, list(physics), law)
-        residual = operators.strong_residual(*at)
+        residual = operators.pointwise_residuals(jets, theta, list(physics), "strong", law)
         e_u, e_v, divergence = residual.unbind(1)
         return {
             "u": u,

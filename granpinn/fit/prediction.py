@@ -20,8 +20,13 @@ from granpinn.physics.scales import Scales
 from granpinn.results import Fields, Result
 from granpinn.results.fields import D2_STAGNANT, shearing
 from granpinn.training.points import TrainingSet
-from granpinn.uncertainty.determined import applied, determined, percentiles
-from granpinn.uncertainty.determined import with_curve as curve_over
+from granpinn.uncertainty.determined import (
+    applied,
+    determined,
+    percentiles,
+    stress_points,
+    with_curve,
+)
 
 
 def predict(flow: Flow, network: TrainedNetwork) -> Fields:
@@ -102,15 +107,15 @@ def inertial_range(data: TrainingSet, network: TrainedNetwork) -> tuple[float, f
     return percentiles(number)
 
 
-def with_curve(result: Result, case: Case, shear: Shear) -> Result:
+def with_law(result: Result, case: Case, shear: Shear) -> Result:
     """The result with its law over the I of the points that shear, and without the parameters that
     this range, or the walls, do not determine.
     """
-    reason = undetermined(case.seen, case.config.level)
+    reason, I_range = undetermined(case.seen, case.config.level), percentiles(shear.I)
     if reason is not None:
         lost = dict.fromkeys(result.friction_law.free, reason)
         result = dataclasses.replace(result, no_law=reason)
     else:
-        lost = determined(result, shear.I)
-    result = applied(result, lost)
-    return curve_over(result, shear.I, shear.ratio)
+        lost = {} if I_range is None else determined(result, [I_range])
+    points = None if I_range is None else stress_points(shear.I, shear.ratio, I_range)
+    return with_curve(applied(result, lost), I_range, points)

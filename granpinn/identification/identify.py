@@ -18,7 +18,7 @@ from granpinn.identification.run import run
 from granpinn.identification.start import folder_of
 from granpinn.laws import register
 from granpinn.physics.laws import FrictionLaw
-from granpinn.training.progress import Progress
+from granpinn.progress import Progress
 
 T = TypeVar("T")
 
@@ -44,7 +44,7 @@ def identify(
         run_dir: folder for results.json, fields.h5, history.csv, config.toml and checkpoints;
             without it nothing is written.
         progress: a listener; by default a bar in a notebook, and none elsewhere.
-            granpinn.training.progress has `automatic()`, a bar in a terminal, and `Progress()`,
+            granpinn.progress has `automatic()`, a bar in a terminal, and `Progress()`,
             which shows nothing.
         law: the name of a law, or a law of your own (granpinn/laws.py); by default the one in the
             settings.

@@ -18,6 +18,7 @@ from granpinn.identification.identified import Identification
 from granpinn.identification.run import run
 from granpinn.output import owned
 from granpinn.physics.laws import DEFAULT
+from granpinn.progress import Progress
 from granpinn.results import (
     DataSummary,
     ErrorPercent,
@@ -30,9 +31,8 @@ from granpinn.results import (
 from granpinn.results.record import NONE
 from granpinn.results.records import Assumed, IdentifiedLaw
 from granpinn.results.result import FlowOfLaw
-from granpinn.training.progress import Progress
 from granpinn.uncertainty import one_law as fitted
-from granpinn.uncertainty.determined import applied, determined_over, over
+from granpinn.uncertainty.determined import applied, determined, with_curve
 from granpinn.uncertainty.one_law import OneLaw
 
 
@@ -121,9 +121,9 @@ def one_law(results: Sequence[Result]) -> Identification:
         not_done={name: f"there are no error bars: {law.reason}"} if law.reason else {},
     )
     ranges = [r.law.I_range for r in results if r.law.I_range is not None]
-    low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
-    result = applied(result, determined_over(result, (low, high), ranges))
-    return Identification.of(over(result, (low, high)))
+    whole = min(low for low, _ in ranges), max(high for _, high in ranges)
+    result = applied(result, determined(result, ranges))
+    return Identification.of(with_curve(result, whole))
 
 
 def _of_all(assumed: Assumed, result: Result, law: OneLaw, flow: int) -> Assumed:

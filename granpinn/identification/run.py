@@ -20,15 +20,15 @@ from granpinn.fit.context import ASSUMPTIONS, CURVE, FIELDS, Context
 from granpinn.fit.network_file import FILE, write_network
 from granpinn.identification.identified import Identification
 from granpinn.identification.start import CHECKS, ERROR_BARS, prepare, start
+from granpinn.identification.threads import beside_gpu, threads
 from granpinn.kernels.builds import choose_device
 from granpinn.output import owned
 from granpinn.physics.laws import LAWS
+from granpinn.progress import Progress
 from granpinn.results.record import NONE, PENDING, Check, why_not_done
-from granpinn.simulation.threads import beside_gpu, threads
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.history import History
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.progress import Progress
 
 FlowLike = Flow | str | os.PathLike[str]
 LEFT_OUT = "--checks none leaves it out"

@@ -57,14 +57,11 @@ class Residuals(Named[float]):
         require_names(self, ("noise", *NAMES))
 
 
-def require_names(
-    values: dict[str, Any], needed: tuple[str, ...], allowed: tuple[str, ...] = (), where: str = ""
-) -> None:
-    """Raise ValueError if a needed name is missing, or if a name is not allowed."""
+def require_names(values: dict[str, Any], needed: tuple[str, ...], where: str = "") -> None:
+    """Raise ValueError if a needed name is missing, or if there is another one."""
     for name in values:
-        if name not in (*needed, *allowed):
-            known = ", ".join((*needed, *allowed))
-            raise ValueError(f"{where}{name} is not known; expected {known}")
+        if name not in needed:
+            raise ValueError(f"{where}{name} is not known; expected {', '.join(needed)}")
     for name in needed:
         if name not in values:
             raise ValueError(f"{where}{name} is missing")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Callable, Mapping
-from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -134,10 +133,9 @@ def why_not_done(error: Exception, *fatal: type[Exception]) -> str:
     The values are on the disk before it. So any error of it, a bug included, is a sentence.
 
     Raises:
-        error: a file cannot be written, and so no later one; the run is stopping; or it is of a
-            class of `fatal`.
+        error: a file cannot be written, and so no later one; or it is of a class of `fatal`.
     """
-    if isinstance(error, (OutputError, CancelledError, *fatal)):
+    if isinstance(error, (OutputError, *fatal)):
         raise error
     memory = memory_sentence(error)
     text = visible(" ".join((memory or str(error)).split()))[:LONGEST]

@@ -39,7 +39,7 @@ class Chute(Scene):
     """
 
     GRAINS = "layer"
-    PERIODIC = LEVEL_SURFACE = True
+    PERIODIC = True
     VISCOUS_TOLERANCE = 1e-7  # the last part of the way to a steady flow is slow
     PRESSURE_TOLERANCE = 1e-9  # rows of cells that are full remain full
 
@@ -107,10 +107,6 @@ class Chute(Scene):
     @property
     def cells_y(self) -> int:
         return math.ceil(ROOM * self.cells / self.chunk) * self.chunk
-
-    @property
-    def side_conditions(self) -> tuple[str, str]:
-        return "periodic", "periodic"
 
     def start_fraction(self) -> Float64:
         return np.outer(filled(self.height, self.spacing, self.cells_y), np.ones(self.cells_x))

@@ -49,6 +49,14 @@ class StepReport:
     largest_divergence: float
     window: tuple[int, int]
 
+    @property
+    def words(self) -> str:
+        """The line for the terminal, without the time."""
+        return (
+            f"dt {self.step:.2g}  iterations {self.viscous_iterations}+{self.pressure_iterations}  "
+            f"window {self.window[0]}x{self.window[1]}"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -135,8 +143,8 @@ def solver_parameters(scene: Scene) -> _collapse.Parameters:
         "viscous_tolerance": scene.VISCOUS_TOLERANCE,
         "pressure_tolerance": scene.PRESSURE_TOLERANCE,
     }
-    left, right = scene.side_conditions
-    values["left"], values["right"] = getattr(_collapse.Side, left), getattr(_collapse.Side, right)
+    sides = ("periodic", "periodic") if scene.PERIODIC else ("free_slip", "no_slip")
+    values["left"], values["right"] = (getattr(_collapse.Side, side) for side in sides)
     same = ("cohesion", "eta_min", "eta_max", "density", "air_density", "air_viscosity")
     grid = ("cells_x", "cells_y", "spacing", "chunk", "largest_step")
     for name in (*same, *grid, "cfl", "threads"):

@@ -11,8 +11,7 @@ from __future__ import annotations
 import math
 import os
 import signal
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -35,10 +34,10 @@ from granpinn.data.flow_file import write_flow
 from granpinn.data.rules import check_constants
 from granpinn.declared import checked
 from granpinn.errors import Interrupted
+from granpinn.progress import Progress, by_default
 from granpinn.simulation.collapse import Collapse
-from granpinn.simulation.engine import Engine, SimulationError, State, StepReport
+from granpinn.simulation.engine import Engine, SimulationError, State
 from granpinn.simulation.scene import Scene
-from granpinn.terminal import say
 
 SURFACE_HALF_WIDTH = 0.1
 
@@ -58,7 +57,7 @@ class Recorder:
         fields = {"u": state.u_center, "v": state.v_center, "p": state.p, "c": state.c}
         self.frames.append({name: field[::step, ::step].copy() for name, field in fields.items()})
         self.times.append(time)
-        x, y, p = (column_heights if self.scene.LEVEL_SURFACE else half_full_cells)(state, h)
+        x, y, p = (column_heights if self.scene.PERIODIC else half_full_cells)(state, h)
         self.surface.append(np.stack([np.full(len(x), time), x, y, p], axis=1))
 
     def flow(self) -> Flow:
@@ -145,15 +144,12 @@ def column_heights(state: State, h: float) -> tuple[Floats, Floats, Floats]:
 DEMO = "collapse_0.40_0.64.h5"
 
 
-Listener = Callable[[StepReport], object]  # called after every step
-
-
 @checked
 def simulate(
     scene: Scene | None = None,
     *,
     out: str | os.PathLike[str] | None = None,
-    listener: Listener | None = None,
+    progress: Progress | None = None,
     **settings: Any,
 ) -> Flow:
     """Simulates the collapse of a column of grains, or another scene.
@@ -162,7 +158,7 @@ def simulate(
         scene: what to simulate, such as `Chute(slope=24)`; or give the fields of a collapse as
             keywords, such as mu_s=0.4, cells=128.
         out: flow file to write.
-        listener: called with the report of every step.
+        progress: a listener, as in `identify`.
 
     Returns:
         The flow, with the true parameters.
@@ -182,8 +178,9 @@ def simulate(
             check_constants(Flow(**arrays, **recorder.constants()))
         except FlowFileError as error:
             raise ConfigError(f"the flow file cannot hold this simulation: {error}") from None
+    progress = progress or by_default()
     try:
-        for time, state in states(recorder.scene, listener=listener):
+        for time, state in states(recorder.scene, progress):
             recorder.add(time, state)
     except (KeyboardInterrupt, SimulationError) as error:
         if out is None:
@@ -193,6 +190,8 @@ def simulate(
             raise SimulationError(f"{error}; {kept}") from error
         signum = error.signum if isinstance(error, Interrupted) else signal.SIGINT
         raise Interrupted(signum, f"stopped by {signal.Signals(signum).name}; {kept}") from None
+    finally:
+        progress.stop()
     flow = recorder.flow()
     if out is not None:
         write_flow(flow, out)
@@ -208,51 +207,20 @@ def _keep(recorder: Recorder, out: str | os.PathLike[str]) -> str:
     return f"{out} holds the {count} frames so far"
 
 
-def states(
-    scene: Scene, times: Sequence[float] | None = None, listener: Listener | None = None
-) -> Iterator[tuple[float, State]]:
-    """Simulate a scene: the time and the state of every frame.
-
-    Args:
-        times: of the frames, increasing; by default those of the scene.
-        listener: called with the report of every step; its errors end the simulation.
-    """
+def states(scene: Scene, progress: Progress) -> Iterator[tuple[float, State]]:
+    """Simulate a scene: the time and the state of every frame."""
     engine = Engine(scene)
     t_end, frames = engine.scene.t_end, engine.scene.frames
     assert t_end is not None  # resolved
-    for at in times or [t_end * k / frames for k in range(1, frames + 1)]:
+    progress.at("t", 0.0, t_end)
+    for k in range(1, frames + 1):
+        at = t_end * k / frames
         while at - engine.time > 1e-9 * t_end:
             report = engine.step(at - engine.time)
-            if listener is not None:
-                listener(report)
+            progress.at("t", report.time, t_end, report.words)
         yield at, engine.state()
 
 
 def demo_path() -> Path:
     """The flow file of the package, a collapse made by this simulator."""
     return Path(str(files("granpinn") / "demo" / DEMO))
-
-
-LINE_EVERY = 10.0  # seconds
-
-
-def lines(
-    t_end: float, say: Callable[[str], None] = say, every: float = LINE_EVERY
-) -> Callable[[StepReport], None]:
-    """A listener that says a line every ten seconds, by default to stderr."""
-    begin = said = time.monotonic()
-
-    def show(report: StepReport) -> None:
-        nonlocal said
-        now = time.monotonic()
-        if now - said < every:
-            return
-        said = now
-        left = (now - begin) / report.time * (t_end - report.time)
-        say(
-            f"t {report.time:.3g}/{t_end:.3g}  dt {report.step:.2g}  iterations "
-            f"{report.viscous_iterations}+{report.pressure_iterations}  window "
-            f"{report.window[0]}x{report.window[1]}  {left:.0f} s left"
-        )
-
-    return show

@@ -49,8 +49,7 @@ class Scene(CompleteLaw, ABC):
     """
 
     GRAINS = "grains"  # their name in messages
-    PERIODIC = False  # whether the sides are
-    LEVEL_SURFACE = False  # whether the surface is one height in every column of cells
+    PERIODIC = False  # whether the sides are; the surface then has one height in every column
     # Of the two solves: energy norm of the error, relative to that of one step of gravity.
     VISCOUS_TOLERANCE, PRESSURE_TOLERANCE = 1e-4, 1e-5
 
@@ -172,11 +171,6 @@ class Scene(CompleteLaw, ABC):
     def chunk(self) -> int:
         """Cells by which the window grows: a power of two that divides the box."""
 
-    @property
-    def side_conditions(self) -> tuple[str, str]:
-        """Names of the solver's conditions on the left and the right side."""
-        return "free_slip", "no_slip"
-
     @abstractmethod
     def start_fraction(self) -> Float64:
         """Fraction of grains at the start, [cells_y, cells_x]."""
@@ -203,20 +197,16 @@ class Scene(CompleteLaw, ABC):
         time = math.sqrt(self.height / PAPER_HEIGHT / g)
         stress_time = self.density * g * (self.height / PAPER_HEIGHT) * time
         air_viscosity = self.air_viscosity or PAPER_AIR_VISCOSITY * stress_time
+        usual = None if self.wall_gap is None else USUAL_SIDE_WALLS.friction
         return {
             "t_end": self.t_end or 5 * time,
             "eta_min": self.eta_min or air_viscosity,
             "eta_max": self.eta_max or PAPER_ETA_MAX * stress_time,
             "air_density": self.air_density or PAPER_AIR_DENSITY * self.density,
             "air_viscosity": air_viscosity,
-            "wall_friction": self._wall_friction,
+            "wall_friction": usual if self.wall_friction is None else self.wall_friction,
             "threads": self.threads or min(os.cpu_count() or 1, USUAL_THREADS),
         }
-
-    @property
-    def _wall_friction(self) -> float | None:
-        stated = self.wall_friction
-        return USUAL_SIDE_WALLS.friction if stated is None and self.wall_gap is not None else stated
 
     @property
     def _longest(self) -> float:

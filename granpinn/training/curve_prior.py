@@ -24,7 +24,6 @@ $$ 2 \ln E(\lambda) = \operatorname{rank} D \, \ln\lambda
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 import torch
 from torch import Tensor
@@ -43,23 +42,6 @@ def differences(law: FrictionLaw, like: Tensor) -> Tensor:
     for k, row in enumerate(D):
         row[where[k : k + 3]] = like.new_tensor([1.0, -2.0, 1.0])
     return D
-
-
-def block_scores(
-    jacobians: Iterable[tuple[Tensor, Tensor, Tensor, slice]], of_velocity: Tensor, block: Tensor
-) -> Tensor:
-    """The parts of the gradient J^T r from each block, which add up to it [B, K].
-
-    Args:
-        jacobians: J [n, k], r [n], the numbers of the k unknowns, and which of the points they are.
-        of_velocity: the parts of the other residuals [B, K]; changed in place.
-        block: of each of these points [N].
-    """
-    scores = of_velocity
-    for J, r, i, rows in jacobians:
-        part = scores.new_zeros(len(scores), len(i)).index_add_(0, block[rows], J * r[:, None])
-        scores[:, i] += part
-    return scores
 
 
 def strength(A: Tensor, b: Tensor, scores: Tensor, theta: Tensor, D: Tensor, ridge: float) -> float:

@@ -31,17 +31,6 @@ class NonFiniteError(CannotGoOn):
         self.members = dict(members or {})
 
 
-def require_finite(tensors: Mapping[str, Tensor]) -> None:
-    """Raise NonFiniteError for data with a NaN or an infinity."""
-    for name, tensor in tensors.items():
-        if not torch.isfinite(tensor).all():
-            bad = int((~torch.isfinite(tensor)).sum())
-            raise NonFiniteError(
-                f"the {name} of the training set hold {bad} values that are NaN or infinite: "
-                f"points without a valid vector must be left out of the flow file (NaN there)"
-            )
-
-
 def require_finite_members(
     tensors: Mapping[str, Tensor], frozen: Container[int], step: int
 ) -> None:

@@ -25,7 +25,7 @@ from granpinn.arrays import Float64
 from granpinn.errors import BadInput
 from granpinn.output import naming, write_text
 from granpinn.physics.laws import DEFAULT, FrictionLaw
-from granpinn.physics.terms import NAMES
+from granpinn.physics.terms import NAMES, TERMS
 from granpinn.regular import read_text
 
 Row = dict[str, float]
@@ -46,6 +46,15 @@ def median(rows: Sequence[Row]) -> Row:
     """The medians, column by column, of one row of every member with the law of the first one."""
     alike = [row for row in rows if row.keys() == rows[0].keys()]
     return {name: float(np.median([row[name] for row in alike])) for name in rows[0]}
+
+
+def described(row: Row) -> str:
+    """The parameters, the loss and its terms in one line, without the unused terms."""
+    _, _, _, *rest = row
+    parts = [f"{name} {row[name]:.4f}" for name in rest[len(TERMS) : -1]]
+    parts.append(f"loss {row['loss']:.3g}")
+    terms = [(term.label, row[term.name]) for term in TERMS]
+    return "  ".join(parts + [f"{label} {v:.1e}" for label, v in terms if math.isfinite(v)])
 
 
 class HistoryFileError(BadInput):
@@ -112,29 +121,20 @@ def _cells(row: Row) -> list[object]:
     return ["" if math.isnan(v) else v for v in row.values()]
 
 
-def _rows(text: str, law: FrictionLaw) -> list[list[float]]:
-    """The numbers of a history.csv, NaN for an empty cell; ValueError: it holds something else."""
-    names = columns(law)
-    try:
-        header, *lines = [*csv.reader(io.StringIO(text))] or [[]]
-    except csv.Error as error:
-        raise ValueError(str(error)) from None
-    if tuple(header) != names or any(len(cells) != len(names) for cells in lines):
-        raise ValueError(f"it should have the columns {', '.join(names)}")
-    rows = [[float(cell or math.nan) for cell in cells] for cells in lines]
-    if not all(math.isfinite(row[0]) for row in rows):
-        raise ValueError("it should have a step in every line")
-    return rows
-
-
 def read_history(path: Path, law: FrictionLaw = DEFAULT) -> dict[str, Float64]:
     """The columns of history.csv; an empty cell is NaN, a last line without its end is left out."""
+    names = columns(law)
     try:
         text = read_text(path)
-        table = np.array(_rows(text[: text.rfind("\n") + 1], law), np.float64)
+        lines = [line.split(",") for line in text[: text.rfind("\n") + 1].splitlines()]
+        if lines[:1] != [[*names]] or any(len(cells) != len(names) for cells in lines):
+            raise ValueError(f"it should have the columns {', '.join(names)}")
+        rows = [[float(cell or math.nan) for cell in cells] for cells in lines[1:]]
+        table = np.array(rows, np.float64).reshape(-1, len(names))
+        if not np.isfinite(table[:, 0]).all():
+            raise ValueError("it should have a step in every line")
     except FileNotFoundError:
         raise HistoryFileError(f"{path.name} does not exist") from None
     except ValueError as error:
         raise HistoryFileError(f"{path.name} could not be read: {error}") from None
-    names = columns(law)
-    return dict(zip(names, table.reshape(-1, len(names)).T, strict=True))
+    return dict(zip(names, table.T, strict=True))

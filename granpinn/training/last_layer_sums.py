@@ -185,7 +185,10 @@ class Sums:
         for rows, h, e, w in self.vectors(at):
             by_C = (self.factors * (w * e)[:, :, None] * h[:, None]).flatten(1)
             found[:, : 2 * F].index_add_(0, measured[rows], by_C)
-        return curve_prior.block_scores(self.jacobians(at), found, rest)
+        for J, r, i, which in self.jacobians(at):
+            part = found.new_zeros(len(found), len(i)).index_add_(0, rest[which], J * r[:, None])
+            found[:, i] += part
+        return found
 
     def vectors(self, at: Unknowns) -> Iterator[tuple[slice, Tensor, Tensor, Tensor]]:
         """Of the measured vectors, in chunks: which they are, h [n, F], the residual of u and v

@@ -17,17 +17,18 @@ import torch
 
 from granpinn.config import Config, ConfigError
 from granpinn.errors import Interrupted
+from granpinn.progress import Progress
 from granpinn.signals import Signals, caught
 from granpinn.training import checkpoint, identity, time_limit
 from granpinn.training.checkpoint import RunState
-from granpinn.training.guard import NonFiniteError, require_finite
-from granpinn.training.history import History, median, row_of
+from granpinn.training.guard import NonFiniteError
+from granpinn.training.history import History, described, median, row_of
 from granpinn.training.objective import Objective
-from granpinn.training.progress import LAST_LAYER, Progress
 from granpinn.training.schedule import Schedule
 from granpinn.training.trainer import Trainer
 
 UNLIMITED = 2**53  # steps
+FIT = "fit"  # the training as a stage
 CORRECT_EVERY = 0.05  # of the time limit, between corrections of the schedule
 
 
@@ -55,7 +56,6 @@ class TrainingLoop:
         limit: time_limit.Limit | None = None,
         members: Sequence[Path | None] | None = None,
     ) -> None:
-        require_finite(objective.tensors())
         self.config = config
         self.single = members is None
         self.progress = progress
@@ -86,7 +86,7 @@ class TrainingLoop:
             resumed = self.config.resume and self._resume()
             if not resumed:
                 self._begin()
-            self.progress.start(trainer.schedule.total, trainer.step)
+            self.progress.at(FIT, trainer.step, trainer.schedule.total)
             with caught() as signals:
                 self._loop(signals)
         finally:
@@ -112,7 +112,8 @@ class TrainingLoop:
             self.progress.message(f"{self.checkpoints} holds no checkpoint yet: starting anew")
             return False
         checkpoint.require_same(found, *self.identity)
-        checkpoint.restore(found, self.trainer.tensors())
+        for name, tensor in self.trainer.tensors().items():
+            tensor.copy_(found.tensors[name])
         self.trainer.set_plain_state(found.state.training)
         self.wall_s, self.stopped = found.state.wall_s, found.state.stopped
         self.limit = None  # the schedule of the checkpoint stays
@@ -123,8 +124,8 @@ class TrainingLoop:
 
     def _mark(self) -> None:
         """Start the clocks of this process."""
-        self.started = self.saved = self.corrected = time.monotonic()
-        self.corrected_step = self.trainer.step
+        self.started = self.saved = time.monotonic()
+        self.corrected = self.trainer.step, self.started
         self.before = self.wall_s
 
     def _loop(self, signals: Signals) -> None:
@@ -156,7 +157,7 @@ class TrainingLoop:
         if self.limit is not None:
             pace = (time.monotonic() - self.started) / max(1, trainer.step)
             until = self.limit._replace(steps=0.0).deadline(pace)
-        self.progress.stage(LAST_LAYER)
+        self.progress.stage("last layer")
         trainer.solve_last_layer(until)
         self.wall_s = self.before + time.monotonic() - self.started
 
@@ -172,21 +173,20 @@ class TrainingLoop:
         self.progress.show(row)
         if self.limit is not None and not trainer.finished:
             self._correct_schedule(now, self.limit)
+        self.progress.at(FIT, trainer.step, trainer.schedule.total, described(row))
 
     def _correct_schedule(self, now: float, limit: time_limit.Limit) -> None:
-        trainer = self.trainer
-        if trainer.schedule.in_prefit(trainer.step):
-            self.corrected, self.corrected_step = now, trainer.step
+        trainer, since = self.trainer, self.corrected
+        in_prefit = trainer.schedule.in_prefit(trainer.step)
+        if not in_prefit and now - since[1] <= CORRECT_EVERY * (limit.until - self.started):
             return
-        schedule = trainer.schedule
-        if now - self.corrected > CORRECT_EVERY * (limit.until - self.started):
-            since = (self.corrected_step, self.corrected)
-            schedule = time_limit.corrected(trainer, since, limit, self.at_most)
-            self.corrected, self.corrected_step = now, trainer.step
+        self.corrected = trainer.step, now
+        if in_prefit:
+            return
+        schedule = time_limit.corrected(trainer, since, limit, self.at_most)
         if schedule != trainer.schedule:
             trainer.schedule = schedule
             trainer.remember()
-            self.progress.total(schedule.total)
 
     def _recover(self, error: NonFiniteError) -> None:
         """Roll a faulty member back; at its second fault freeze it, or raise if it is alone."""

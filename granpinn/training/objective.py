@@ -99,7 +99,9 @@ class Objective:
         self.operators = operators_of(self.laws)
         if len({m.problem.spec.widths for m in members}) > 1:
             raise ValueError("members of one run must have networks of the same widths")
-        self.distinct, self.set_of = _distinct(members)
+        sets = {id(m.data): m.data for m in members}
+        self.distinct = list(sets.values())
+        self.set_of = [list(sets).index(id(m.data)) for m in members]
         self.sets = [s.pooled() for s in self.distinct]
         has_surface = all(len(s.surface_points) for s in self.sets)
         self.batch = batch if has_surface else replace(batch, surface=0)
@@ -148,13 +150,6 @@ class Objective:
             return own
         line, pressure = own.surface_points[:0], own.surface_pressure[:0]
         return replace(own, surface_points=line, surface_pressure=pressure)
-
-    def tensors(self) -> dict[str, Tensor]:
-        """The data by name, for the check that they are finite."""
-        *data, source = self.pool
-        names = ("points", "velocities", "weights", "surface points", "surface pressures")
-        found = {} if source is None else {"source": source}
-        return found | dict(zip(names, data, strict=True))
 
     def evaluate(
         self, control: ControlTable, params: Tensor, theta: Tensor, prefit: bool
@@ -225,15 +220,3 @@ class Objective:
             equations=equations,
         )
         return found[1]
-
-
-def _distinct(members: Sequence[Member]) -> tuple[list[TrainingSet], list[int]]:
-    """The training sets without repetition, and the number of the set of each member."""
-    sets: list[TrainingSet] = []
-    which = []
-    for member in members:
-        found = next((i for i, s in enumerate(sets) if s is member.data), len(sets))
-        if found == len(sets):
-            sets.append(member.data)
-        which.append(found)
-    return sets, which

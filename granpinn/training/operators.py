@@ -38,7 +38,7 @@ class Operators(NamedTuple):
     batch_loss: Operator
     residual_loss: Operator
     viscosity: Operator
-    strong_residual: Operator
+    pointwise_residuals: Operator
     captured: bool
 
 
@@ -126,26 +126,10 @@ def residual_loss(
     return loss.detach(), found.detach(), by_params, by_theta
 
 
-def viscosity(gamma_dot: Tensor, p: Tensor, theta: Tensor, *constants: Any) -> Tensor:
-    """As `granpinn.kernels.ops.viscosity`."""
-    return reference.viscosity(gamma_dot, p, theta, *constants)
-
-
-def strong_residual(
-    points: Tensor,
-    params: Tensor,
-    theta: Tensor,
-    widths: Sequence[int],
-    input_shift: Sequence[float],
-    input_scale: Sequence[float],
-    physics: Sequence[float],
-    law: str,
-) -> Tensor:
-    """As `granpinn.kernels.ops.strong_residual`, by nested automatic differentiation."""
-    with torch.no_grad():
-        jets = ops.network_jet(points, params, widths, input_shift, input_scale, 2)
+def pointwise_residuals(*case: Any) -> Tensor:
+    """As `granpinn.kernels.ops.pointwise_residuals`, by nested automatic differentiation."""
     with torch.enable_grad():
-        return reference.pointwise_residuals(jets, theta, physics, "strong", law).detach()
+        return reference.pointwise_residuals(*case).detach()
 
 
 def _half_mean(weights: Tensor, vectors: Tensor) -> Tensor:
@@ -154,6 +138,8 @@ def _half_mean(weights: Tensor, vectors: Tensor) -> Tensor:
 
 
 COMPILED = Operators(
-    step_ops.batch_loss, ops.residual_loss, ops.viscosity, ops.strong_residual, captured=True
+    step_ops.batch_loss, ops.residual_loss, ops.viscosity, ops.pointwise_residuals, captured=True
 )
-IN_TORCH = Operators(batch_loss, residual_loss, viscosity, strong_residual, captured=False)
+IN_TORCH = Operators(
+    batch_loss, residual_loss, reference.viscosity, pointwise_residuals, captured=False
+)

@@ -43,39 +43,9 @@ RESOLVED = 1000.0  # n
 MOST_COLUMNS = 25  # more count as so many: the tightest momentum that was tried
 
 
-@dataclass(frozen=True)
-class VelocityNoise:
-    """The part of the noise of the vectors that is the tolerance of the velocity, dimensionless.
-
-    Attributes:
-        sigma: standard deviation of one component of one vector; 0: none, or unknown.
-        share: factor on it, sqrt(n/N), at most 1.
-    """
-
-    sigma: float = 0.0
-    share: float = 1.0
-
-    @classmethod
-    def of(cls, facts: Facts) -> VelocityNoise:
-        """Of a flow, from its measured noise and its number of independent vectors."""
-        share = min(1.0, math.sqrt(RESOLVED / max(1.0, facts.independent)))
-        return cls(facts.sigma, share)
-
-    def factor(self, weight: float, misfit: float) -> float:
-        """Factor on the weight of the velocity after the pre-fit, 1 for clean data.
-
-        The noise counts as at most the misfit of the pre-fit. It is smaller than the measured noise
-        where frames are too far apart for a measurement, and the network still fits the vectors.
-
-        Args:
-            weight: 1/sigma^2 of the velocity without noise.
-            misfit: rms misfit of one velocity component after the pre-fit; 0: unknown.
-        """
-        sigma = self.share * min(self.sigma, misfit or math.inf)
-        return max(1.0, sigma * math.sqrt(weight)) ** -2
-
-
-NO_NOISE = VelocityNoise()
+def resolved_share(facts: Facts) -> float:
+    """The part sqrt(n/N) of the noise of a vector that is the tolerance of the velocity."""
+    return min(1.0, math.sqrt(RESOLVED / max(1.0, facts.independent)))
 
 
 def sigmas_of(config: Config, scales: Scales, facts: Facts) -> list[float]:
@@ -106,7 +76,9 @@ class Problem:
         spec: widths, input map and form of the network.
         term_weights: 1/sigma^2 of each of the `TERMS`.
         mean_length: of the mean strain rate of shear bands (`equations.py`).
-        noise: of the vectors, where the training follows it.
+        noise: standard deviation of one component of one vector, dimensionless; 0: none, or the
+            training does not follow it.
+        share: factor on it, at most 1.
         window: side of the squares over which each vector is a mean; 0: it is a value at a point.
         pressure_unit: the dimensionless pressure 1 in the units of the flow file.
     """
@@ -115,13 +87,22 @@ class Problem:
     physics: Physics
     term_weights: list[float]
     mean_length: float
-    noise: VelocityNoise = NO_NOISE
+    noise: float = 0.0
+    share: float = 1.0
     pressure_unit: float = 1.0
     window: float = 0.0
 
     def velocity_factor(self, misfit: float) -> float:
-        """Factor on the weight of the velocity, from the misfit of the pre-fit."""
-        return self.noise.factor(self.term_weights[0], misfit)
+        """Factor on the weight of the velocity after the pre-fit, 1 for clean data.
+
+        The noise counts as at most the misfit of the pre-fit. It is smaller than the measured noise
+        where frames are too far apart for a measurement, and the network still fits the vectors.
+
+        Args:
+            misfit: rms misfit of one velocity component after the pre-fit; 0: unknown.
+        """
+        sigma = self.share * min(self.noise, misfit or math.inf)
+        return max(1.0, sigma * math.sqrt(self.term_weights[0])) ** -2
 
     @property
     def symmetries(self) -> tuple[str, ...]:
@@ -172,7 +153,8 @@ def build(facts: Facts, data: TrainingSet, config: Config) -> Problem:
         physics,
         [sigma**-2 for sigma in sigmas],
         mean_length_of(flow) / scales.length,
-        VelocityNoise.of(facts) if config.weights.follow_noise else NO_NOISE,
+        facts.sigma if config.weights.follow_noise else 0.0,
+        resolved_share(facts),
         scales.pressure,
         (flow.stated(WINDOW) or 0.0) / scales.length,
     )

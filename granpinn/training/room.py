@@ -17,8 +17,7 @@ a network, F the number of its last hidden units and the bias:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
 
 import torch
 
@@ -39,38 +38,26 @@ REMEDIES = {
 }
 
 
-@dataclass(frozen=True)
-class Need:
-    """Bytes of the parts of a training."""
+def total(need: Mapping[str, int]) -> int:
+    """Bytes of all parts of a training."""
+    return LEAST + sum(need.values())
 
-    networks: int
-    batches: int
-    last_layer: int
-    points: int = 0
-    flow: int = 0
 
-    @property
-    def total(self) -> int:
-        """Of all parts."""
-        return LEAST + sum(int(part) for part in vars(self).values())
-
-    def require(self, free: int, where: str) -> None:
-        """Raises ConfigError, with the numbers and what to change, if the parts need more."""
-        if self.total <= free:
-            return
-        parts = {f.name: getattr(self, f.name) for f in fields(self)}
-        largest = max(parts, key=lambda name: parts[name])
-        shown = ", ".join(f"{n.replace('_', ' ')} {b / 1e9:.3g}" for n, b in parts.items() if b)
-        raise ConfigError(
-            f"this training needs about {self.total / 1e9:.3g} GB of {where} ({shown}), got "
-            f"{free / 1e9:.3g} GB: {REMEDIES[largest]}, or use a larger machine"
-        )
+def require(need: Mapping[str, int], free: int, where: str) -> None:
+    """Raises ConfigError, with the numbers and what to change, if a training needs more."""
+    if total(need) <= free:
+        return
+    shown = ", ".join(f"{n.replace('_', ' ')} {b / 1e9:.3g}" for n, b in need.items() if b)
+    raise ConfigError(
+        f"this training needs about {total(need) / 1e9:.3g} GB of {where} ({shown}), got "
+        f"{free / 1e9:.3g} GB: {REMEDIES[max(need, key=need.__getitem__)]}, or use a larger machine"
+    )
 
 
 def need_of(
     config: Config, members: int, points: Sequence[int], device: str = "cpu", copies: int = 0
-) -> Need:
-    """What `members` trainings side by side need beside their points and flows.
+) -> dict[str, int]:
+    """Bytes of the parts of `members` trainings side by side, beside their points and flows.
 
     Args:
         points: number of points of each data set, pooled.
@@ -87,7 +74,8 @@ def need_of(
     if config.form == "mixed":
         rows = 56 * min(POINTS, most) + 8 * min(SURFACE_POINTS, most)
         last_layer = F * (rows + 200 * min(CHUNK[device], most)) + 4000 * F**2
-    return Need(networks, 14 * s * members * (batch.interior + batch.surface), last_layer)
+    batches = 14 * s * members * (batch.interior + batch.surface)
+    return {"networks": networks, "batches": batches, "last_layer": last_layer}
 
 
 def require_room(members: Sequence[Member], config: Config, device: torch.device) -> None:
@@ -95,8 +83,8 @@ def require_room(members: Sequence[Member], config: Config, device: torch.device
     sets = {id(m.data): m.data for m in members}.values()
     points = [len(s.points) + len(s.between) + len(s.strip) + len(s.wall_points) for s in sets]
     need = need_of(config, len(members), points, device.type)
-    need = replace(need, points=POINT // 2 * getattr(torch, config.dtype).itemsize * sum(points))
+    need["points"] = POINT // 2 * getattr(torch, config.dtype).itemsize * sum(points)
     if device.type == "cuda":
-        need.require(torch.cuda.mem_get_info(device)[0], "memory of the GPU")
+        require(need, torch.cuda.mem_get_info(device)[0], "memory of the GPU")
     else:
-        need.require(available(), "memory")
+        require(need, available(), "memory")

@@ -7,10 +7,10 @@ restored from them continues bit for bit.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -36,8 +36,8 @@ class Trainer:
     Attributes:
         lr_scale: factor on the learning rates of each member.
         diverged: members that are frozen after a second fault, with the reason.
-        solved: params [P] and theta [N] of the members after the last-layer step.
-        mean_lengths: of their strain rate there.
+        solved: the members after the last-layer step, with the weights and the length of the mean
+            strain rate that it had, their params [P] and theta [N].
         graphs: CUDA graphs of the steps on a GPU; None on a CPU, and for a law
             without kernels, where each step is called.
     """
@@ -72,8 +72,7 @@ class Trainer:
         self.lr_scale = [1.0] * len(members)
         self.misfit = [0.0] * len(members)
         self.diverged: dict[int, str] = {}
-        self.solved: dict[int, tuple[Tensor, Tensor]] = {}
-        self.mean_lengths: dict[int, float] = {}
+        self.solved: dict[int, tuple[Member, Tensor, Tensor]] = {}
         self.last: Evaluation | None = None
         captured = device.type == "cuda" and objective.operators.captured
         self.graphs = Graphs(self.one_step, self.changing()) if captured else None
@@ -114,7 +113,7 @@ class Trainer:
         self.lr_scale, self.misfit = list(state.lr_scale), list(state.misfit)
         self.diverged = {int(e): reason for e, reason in state.diverged.items()}
         names = ("total", "from_step", "from_progress")
-        self.schedule = dataclasses.replace(self.schedule, **{k: getattr(state, k) for k in names})
+        self.schedule = replace(self.schedule, **{k: getattr(state, k) for k in names})
         self.control.reload()
         self.remember()
 
@@ -230,33 +229,26 @@ class Trainer:
         for k, e in enumerate(left):
             now = time.monotonic()
             until_k = now + (until - now) / (len(left) - k)
-            trained = self.trained(e)
-            self.mean_lengths[e] = mean_length(self._at_end(e), *trained, self.step)
-            self.solved[e] = last_layer(self._at_end(e), *trained, self.step, until_k)
+            trained, member = self.trained(e), self._at_end(e)
+            length = mean_length(member, *trained, self.step)
+            member = replace(member, problem=replace(member.problem, mean_length=length))
+            self.solved[e] = member, *last_layer(member, *trained, self.step, until_k)
 
     def ended(self, member: int) -> tuple[Member, Tensor, Tensor, int] | None:
         """A member after its last-layer step, and the number of steps; None without it."""
-        if member not in self.solved:
-            return None
-        return self._at_end(member), *self.solved[member], self.step
+        return (*self.solved[member], self.step) if member in self.solved else None
 
     def _at_end(self, e: int) -> Member:
         """A member with the weights of the end of the training, and its data on the device."""
         member = self.objective.members[e]
-        length = self.mean_lengths.get(e, member.problem.mean_length)
-        weights = self.final_weights(e)
-        problem = dataclasses.replace(member.problem, term_weights=weights, mean_length=length)
-        return dataclasses.replace(member, problem=problem, data=self.objective.data(e))
-
-    def final_weights(self, member: int) -> list[float]:
-        """1/sigma^2 of the terms at the end of the training."""
-        problem = self.objective.members[member].problem
-        velocity, *others = problem.term_weights
-        return [velocity * problem.velocity_factor(self.misfit[member]), *others]
+        velocity, *others = member.problem.term_weights
+        weights = [velocity * member.problem.velocity_factor(self.misfit[e]), *others]
+        problem = replace(member.problem, term_weights=weights)
+        return replace(member, problem=problem, data=self.objective.data(e))
 
     def solution(self, member: int = 0) -> tuple[Tensor, Tensor]:
         """params [P] and theta [N], after the last-layer step if there was one."""
-        return self.solved.get(member) or self.trained(member)
+        return self.solved[member][1:] if member in self.solved else self.trained(member)
 
     def in_units(self, member: int, theta: Sequence[float]) -> list[float]:
         """theta [N] of the law of a member in the units of its flow file."""

@@ -40,21 +40,11 @@ from granpinn.uncertainty.error_model import Known, Pair, ends_of, interval
 LARGEST = {"mu_s": 0.15, "mu_2": 0.15, "I0": 0.3}
 
 
-def determined(result: Result, inertial_number: Floats) -> dict[str, str]:
-    """The parameters that the data do not determine, and why; none for flows without shear.
+def determined(result: Result, ranges: Sequence[Pair]) -> dict[str, str]:
+    """The parameters that the data do not determine, and why.
 
     Args:
-        inertial_number: of the points that shear [n].
-    """
-    I_range = percentiles(inertial_number)
-    return {} if I_range is None else determined_over(result, I_range, [I_range])
-
-
-def determined_over(result: Result, I_range: Pair, ranges: Sequence[Pair]) -> dict[str, str]:
-    """The parameters that data with a range of I do not determine, and why.
-
-    Args:
-        ranges: of I of all flows that have this law.
+        ranges: of I, of all flows that have this law.
     """
     intervals = {name: p.interval_90 for name, p in result.parameters.items()}
     halves = {name: half_width(i) for name, i in intervals.items() if i is not None}
@@ -65,7 +55,8 @@ def determined_over(result: Result, I_range: Pair, ranges: Sequence[Pair]) -> di
         bars = result.error_bars
         real = bars is not None and bars.grains is not None
         known = [Known(ends_of(e, I0), (mu_s, mu_2), real=real) for e in ranges]
-        narrow = f"the grains shear at I = {I_range[0]:.2g} to {I_range[1]:.2g} only"
+        low, high = min(low for low, _ in ranges), max(high for _, high in ranges)
+        narrow = f"the grains shear at I = {low:.2g} to {high:.2g} only"
         lost |= dict.fromkeys(lost_of(known), narrow)
     return lost
 
@@ -111,38 +102,24 @@ FEWEST = 20  # points of a bin
 NO_SHEAR = "no grains shear"
 
 
-def with_curve(result: Result, inertial_number: Floats, ratio: Floats | None = None) -> Result:
-    """The result with its law over the range of I of the data.
-
-    Args:
-        inertial_number: of the points that shear [n].
-        ratio: |tau|/p at these points [n], NaN where p <= 0; None: not known.
-    """
-    found = percentiles(inertial_number)
-    if found is None:
-        return _with(result, reason=NO_SHEAR)
-    points = None if ratio is None else stress_points(inertial_number, ratio, found)
-    return over(result, found, points)
-
-
-def over(result: Result, found: tuple[float, float], points: StressPoints | None = None) -> Result:
-    """The result with its law over a range of I."""
-    I = np.geomspace(*found, POINTS)
-    I[0], I[-1] = found
-    if (reason := result.no_law) is not None:
-        return _with(result, I_range=found, points=points, reason=reason)
-    law = result.friction_law
-    mu = np.asarray(law.friction(I, *result.theta), np.float64)
-    if result.covariance is None:
-        why = result.law.reason or "the result has no error bars"
-        curve = Curve(tuple(I.tolist()), tuple(mu.tolist()))
-        return _with(result, I_range=found, curve=curve, points=points, reason=why)
-    sd = friction_sd(I, result, result.covariance)
-    half = result.error_bars.half_width if result.error_bars else NORMAL_90
-    ends = [interval(m, s, half) for m, s in zip(mu.tolist(), sd.tolist(), strict=True)]
-    low, high = zip(*ends, strict=True)
-    curve = Curve(tuple(I.tolist()), tuple(mu.tolist()), low, high)
-    return _with(result, I_range=found, curve=curve, points=points)
+def with_curve(result: Result, I_range: Pair | None, points: StressPoints | None = None) -> Result:
+    """The result with its law over a range of I; None: no grains shear."""
+    curve, reason = None, NO_SHEAR if I_range is None else result.no_law
+    if I_range is not None and reason is None:
+        I = np.geomspace(*I_range, POINTS)
+        I[0], I[-1] = I_range
+        mu = np.asarray(result.friction_law.friction(I, *result.theta), np.float64)
+        low = high = None
+        if result.covariance is None:
+            reason = result.law.reason or "the result has no error bars"
+        else:
+            sd = friction_sd(I, result, result.covariance)
+            half = result.error_bars.half_width if result.error_bars else NORMAL_90
+            ends = [interval(m, s, half) for m, s in zip(mu.tolist(), sd.tolist(), strict=True)]
+            low, high = zip(*ends, strict=True)
+        curve = Curve(tuple(I.tolist()), tuple(mu.tolist()), low, high)
+    law = IdentifiedLaw(result.law.name, I_range, curve, points, reason)
+    return dataclasses.replace(result, law=law)
 
 
 def stress_points(
@@ -166,14 +143,3 @@ def stress_points(
         return None
     I, lower, mu, upper, counts = zip(*rows, strict=True)
     return StressPoints(I, mu, lower, upper, counts)
-
-
-def _with(
-    result: Result,
-    I_range: tuple[float, float] | None = None,
-    curve: Curve | None = None,
-    points: StressPoints | None = None,
-    reason: str | None = None,
-) -> Result:
-    law = IdentifiedLaw(result.law.name, I_range, curve, points, reason)
-    return dataclasses.replace(result, law=law)

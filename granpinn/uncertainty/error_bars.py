@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,14 +29,9 @@ from granpinn.config import Config, flatten
 from granpinn.data.symmetry import UNCHANGING
 from granpinn.physics.laws import DEFAULT, LAWS, FrictionLaw
 from granpinn.physics.terms import LAW, TERMS
-from granpinn.results import Covariance, Parameter, Residuals
+from granpinn.results import Covariance, Parameter, Result
 from granpinn.results.records import Assumed, ErrorBars, Members
-from granpinn.uncertainty.error_model import (
-    ErrorModel,
-    Known,
-    interval,
-    load,
-)
+from granpinn.uncertainty.error_model import ErrorModel, Known, Pair, interval, load
 
 DECISIVE = ("form", "units", "network", "rheology", "weights", "batch", "optimizer")
 
@@ -74,15 +69,25 @@ def values_of(members: Members, names: Sequence[str]) -> Float64:
     return np.stack([members.values[name] for name in names], axis=1)
 
 
-def known_by(residuals: Residuals, measured_noise: float | None, **others: Any) -> Known:
-    """What a run knows of its accuracy; its noise is the stated one, or else the measured one.
+def known_of(result: Result, x: Pair, mu: Pair, real: bool) -> Known:
+    """What a fit knows of its accuracy; its noise is the stated one, or else the measured one.
 
     Args:
-        others: the other attributes of `Known`.
+        x, mu, real: as in `Known`.
     """
-    noise = residuals.noise or measured_noise or 0.0
-    law = residuals[TERMS[LAW].name]
-    return Known(misfit=residuals.velocity, law=law, noise=noise, **others)
+    residuals, data = result.residuals, result.data
+    assert residuals is not None
+    return Known(
+        x,
+        mu,
+        misfit=residuals.velocity,
+        law=residuals[TERMS[LAW].name],
+        noise=residuals.noise or data.measured_noise or 0.0,
+        vectors=data.independent or 1.0,
+        steps=result.timing.steps,
+        outline=result.level == "V0",
+        real=real,
+    )
 
 
 class Estimate(NamedTuple):
@@ -187,22 +192,15 @@ def _sd(C: Float64) -> tuple[float, ...]:
 
 
 def judge(
-    members: Members,
-    residuals: Residuals | None,
-    known: Known | None,
-    config: Config,
-    diverged: bool,
-    symmetries: Sequence[str] = (),
-    assumed: Sequence[Assumed] = (),
+    result: Result, known: Known | None, config: Config, assumed: Sequence[Assumed] = ()
 ) -> Estimate | str:
     """The error bars of a training, or why it has none.
 
     Args:
         known: what the run knows of its accuracy; None: no grains shear, or another law.
-        symmetries: of the flow, in words (granpinn/data/symmetry.py).
         assumed: assumptions whose effect enters the error bars.
     """
-    if diverged or residuals is None:
+    if result.failure is not None or result.residuals is None:
         return "the training diverged"
     if LAWS[config.law] is not DEFAULT:
         return f"there are error bars for {DEFAULT.title} only"
@@ -215,11 +213,13 @@ def judge(
         return "no grains shear"
     if missing := [a.name for a in assumed if a.derivative is None]:
         return f"the effect of the {' and '.join(missing)} is not known"
-    found = estimate(members, known, load(), assumed)
+    assert result.members is not None
+    found = estimate(result.members, known, load(), assumed)
     if known.real:
         return found
     # Grains of all kinds were tested, of simulated flows those that change in time.
-    unlike = tuple(f"a flow that is {w.partition(':')[0]}" for w in symmetries if w == UNCHANGING)
+    said = result.data.symmetries
+    unlike = tuple(f"a flow that is {w.partition(':')[0]}" for w in said if w == UNCHANGING)
     bars = dataclasses.replace(found.bars, outside=(*unlike, *found.bars.outside))
     return found._replace(bars=bars)
 

@@ -30,9 +30,10 @@ from granpinn.errors import CannotGoOn
 from granpinn.physics.laws import DEFAULT, FrictionLaw
 from granpinn.results import Result
 from granpinn.results.records import LawPoints
+from granpinn.uncertainty import error_bars
 from granpinn.uncertainty.curve_error import between
 from granpinn.uncertainty.determined import LARGEST
-from granpinn.uncertainty.error_bars import Estimate, bars_of, covariance, known_by, scatter
+from granpinn.uncertainty.error_bars import Estimate, bars_of, covariance, scatter
 from granpinn.uncertainty.error_model import Known, ends_of, load
 from granpinn.uncertainty.expected import too_noisy
 
@@ -70,23 +71,20 @@ def known_of(result: Result) -> Known:
     Raises:
         CannotGoOn: it does not know its accuracy.
     """
-    bars, residuals, I_range = result.error_bars, result.residuals, result.law.I_range
-    if residuals is None or I_range is None or result.no_law or result.law.name != DEFAULT.name:
+    bars, I_range = result.error_bars, result.law.I_range
+    if (
+        result.residuals is None
+        or I_range is None
+        or result.no_law
+        or result.law.name != DEFAULT.name
+    ):
         raise CannotGoOn(
             f"{result.input.name} does not determine mu(I): {result.no_law or result.law.reason}; "
             "leave it out"
         )
     mu_s, mu_2, I0 = result.theta
-    return known_by(
-        residuals,
-        result.data.measured_noise,
-        x=ends_of(I_range, I0),
-        mu=(mu_s, mu_2),
-        vectors=result.data.independent or 1.0,
-        steps=result.timing.steps,
-        outline=result.level == "V0",
-        real=bars is None or bars.grains is not None,
-    )
+    real = bars is None or bars.grains is not None
+    return error_bars.known_of(result, ends_of(I_range, I0), (mu_s, mu_2), real)
 
 
 def one_law(results: Sequence[Result]) -> OneLaw:
@@ -111,7 +109,7 @@ def one_law(results: Sequence[Result]) -> OneLaw:
         elif np.linalg.matrix_rank(wider.by_parameters(wide.I, results[0].theta)) < 3:
             words += "all flows have the same range of I"
         else:
-            found = fit(wide.y, wide.C, wide.I, wider, results[0].theta, wide.points)
+            found = fit(wide, wider, results[0].theta)
             C = found.J @ wide.C @ found.J.T
             share = float(np.sqrt(C[-1, -1])) / found.theta[-1]
             left = f"the flows leave a standard deviation of {100 * share:.2g} %"
@@ -120,7 +118,7 @@ def one_law(results: Sequence[Result]) -> OneLaw:
             else:
                 data, law, words = wide, wider, f"I0 is identified: {left}"
     if law is DEFAULT:
-        found = fit(data.y, data.C, data.I, law, results[0].theta, data.points)
+        found = fit(data, law, results[0].theta)
     values = dict(zip(law.free, (found.theta[law.names.index(n)] for n in law.free), strict=True))
     outside = [words for r in results if r.error_bars for words in r.error_bars.outside]
     if any(flow.real for flow in flows):
@@ -144,15 +142,18 @@ class Gathered(NamedTuple):
     Attributes:
         I, y: inertial numbers and log mu there [n].
         parts: covariances of the errors of y, by their cause [n, n].
-        points: how many of the n are of each flow [F].
         by_ends: errors of y of each flow by those at both ends of its range of I.
     """
 
     I: Float64
     y: Float64
     parts: dict[str, Float64]
-    points: list[int]
     by_ends: list[Float64]
+
+    @property
+    def points(self) -> list[int]:
+        """How many of the n are of each flow [F]."""
+        return list(map(len, self.by_ends))
 
     @property
     def C(self) -> Float64:
@@ -182,13 +183,18 @@ def _gathered(results: Sequence[Result], flows: Sequence[Known], I0_free: bool) 
         by_ends.append(between(I[-1], result.law.I_range))
     J = scipy.linalg.block_diag(*by_ends)
     parts = dict(zip(("method", "grains"), load().of_flows(flows), strict=True))
-    for name, of in (("scatter", _scatter), ("assumptions", _assumptions)):
-        at_ends = [f.slopes @ of(r) @ f.slopes.T for f, r in zip(flows, results, strict=True)]
-        parts[name] = scipy.linalg.block_diag(*at_ends)
+    others = {
+        "scatter": [scatter(r.members, DEFAULT.free) for r in results if r.members],
+        "assumptions": [covariance(r.assumptions, DEFAULT.free) for r in results],
+    }
+    for name, own_parts in others.items():
+        pairs = zip(flows, own_parts, strict=True)
+        parts[name] = scipy.linalg.block_diag(
+            *(flow.slopes @ C @ flow.slopes.T for flow, C in pairs)
+        )
     parts = {name: J @ part @ J.T for name, part in parts.items()}
     parts["method"] += scipy.linalg.block_diag(*own)
-    counts = [len(v) for v in I]
-    return Gathered(np.concatenate(I), np.concatenate(y), parts, counts, by_ends)
+    return Gathered(np.concatenate(I), np.concatenate(y), parts, by_ends)
 
 
 class LeastSquares(NamedTuple):
@@ -207,39 +213,25 @@ class LeastSquares(NamedTuple):
     p_value: float
 
 
-def fit(
-    y: Float64,
-    C: Float64,
-    I: Float64,
-    law: FrictionLaw,
-    theta: Sequence[float],
-    points: Sequence[int],
-) -> LeastSquares:
-    """The law that fits log mu best.
-
-    Args:
-        y, C: log mu at n inertial numbers [n] and the covariance of its errors [n, n].
-        I: the inertial numbers [n].
-        law, theta: mu(I), whose free parameters are fitted from these values on.
-        points: how many of the n are of each flow [F].
-    """
-    white = np.linalg.inv(np.linalg.cholesky(C))
+def fit(data: Gathered, law: FrictionLaw, theta: Sequence[float]) -> LeastSquares:
+    """The law mu(I) that fits log mu best, its free parameters from the values theta on."""
+    white = np.linalg.inv(np.linalg.cholesky(data.C))
     free = [law.names.index(name) for name in law.free]
     mu_s, mu_2, I0 = theta
     # Two I0 can give a curve the same curvature.
     starts = STARTS if "I0" in law.free else (1.0,)
-    found = [_descend(y, white, I, law, (mu_s, mu_2, factor * I0)) for factor in starts]
+    found = [_descend(data, white, law, (mu_s, mu_2, factor * I0)) for factor in starts]
     value, at, J, basis = min(found, key=itemgetter(0))
-    rng, n, freedom = np.random.default_rng(SEED), len(y), load().freedom
-    scale = np.sqrt(freedom / rng.chisquare(freedom, (DRAWS, len(points))))
-    drawn = rng.standard_normal((DRAWS, n)) * np.repeat(scale, points, axis=1)
+    rng, n, freedom = np.random.default_rng(SEED), len(data.y), load().freedom
+    scale = np.sqrt(freedom / rng.chisquare(freedom, (DRAWS, len(data.points))))
+    drawn = rng.standard_normal((DRAWS, n)) * np.repeat(scale, data.points, axis=1)
     drawn -= (drawn @ basis) @ basis.T
     above = int(np.count_nonzero(np.sum(drawn**2, axis=1) >= value))
     return LeastSquares(tuple(at.tolist()), J, value, n - len(free), (1 + above) / (1 + DRAWS))
 
 
 def _descend(
-    y: Float64, white: Float64, I: Float64, law: FrictionLaw, theta: Sequence[float]
+    data: Gathered, white: Float64, law: FrictionLaw, theta: Sequence[float]
 ) -> tuple[float, Float64, Float64, Float64]:
     """Chi-square of the law nearest to theta, the law, its errors by those of y, and a basis."""
     free = [law.names.index(name) for name in law.free]
@@ -248,21 +240,12 @@ def _descend(
     for _ in range(STEPS):
         mu_s, rise, I0 = np.exp(q)
         at = np.array([mu_s, mu_s + rise, I0])
-        mu = law.friction(I, *at)
-        slopes = law.by_parameters(I, at) / mu[:, None]
-        rest = white @ (y - np.log(mu))
+        mu = law.friction(data.I, *at)
+        slopes = law.by_parameters(data.I, at) / mu[:, None]
+        rest = white @ (data.y - np.log(mu))
         by_q = slopes @ np.array([[mu_s, 0, 0], [mu_s, rise, 0], [0, 0, I0]])
         step = np.linalg.lstsq(white @ by_q[:, free], rest, rcond=None)[0]
         q[free] += np.clip(step, -LONGEST, LONGEST)
     basis, triangle = np.linalg.qr(white @ slopes[:, free])
     J = np.asarray(np.linalg.solve(triangle, basis.T @ white))
     return float(np.sum((rest - basis @ (basis.T @ rest)) ** 2)), at, J, basis
-
-
-def _scatter(result: Result) -> Float64:
-    assert result.members is not None
-    return scatter(result.members, DEFAULT.free)
-
-
-def _assumptions(result: Result) -> Float64:
-    return covariance(result.assumptions, DEFAULT.free)

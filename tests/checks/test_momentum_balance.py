@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from granpinn.checks.momentum_balance import CARRIED, CHECK, make
-from granpinn.config import Config, SideWalls
+from granpinn.config import Config
 from granpinn.data import Flow
-from granpinn.fit import case as cases
-from granpinn.fit.case import Shared
 from granpinn.fit.context import Context
-from granpinn.inspection.momentum_balance import Baseline
+from granpinn.inspection.momentum_balance import Baseline, baseline
 from granpinn.physics.laws import mu_of_i
 from granpinn.results import Parameter, Parameters, Result
 from tests.examples import make_result
@@ -34,10 +33,9 @@ def result_with(factor: float) -> Result:
 def context_of(flow: Flow, result: Result) -> Any:
     """What the check needs of a fit."""
     member = SimpleNamespace(law=mu_of_i.LAW, fixed={"I0": 0.3})
-    shared = Shared(flow, flow, Config())
     return Context(
         result=result,
-        case=SimpleNamespace(seen=flow, shared=shared, member=member),  # type: ignore[arg-type]
+        case=SimpleNamespace(seen=flow, balance=partial(baseline, flow), member=member),  # type: ignore[arg-type]
         network=None,  # type: ignore[arg-type]
         run=None,  # type: ignore[arg-type]
         place=0,
@@ -77,12 +75,12 @@ def test_grains_that_walls_carry_get_no_error_bars() -> None:
     assert made.law.reason == CARRIED
 
 
-def test_a_failure_of_the_balance_is_not_one_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(flow: Flow, I0: float, side_walls: SideWalls | None) -> Baseline:
+def test_a_failure_of_the_balance_is_not_one_of_the_run() -> None:
+    def fail(I0: float) -> Baseline:
         raise RuntimeError("singular")
 
-    monkeypatch.setattr(cases, "baseline", fail)
     context = context_of(chute(), result_with(1.0))
+    context.case.balance = fail
     context.attempt(CHECK.name, lambda: CHECK.make(context))
     assert context.result.not_done == {"momentum_balance": "RuntimeError: singular"}
     assert context.result.checks == {}

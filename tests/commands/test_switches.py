@@ -24,7 +24,7 @@ RUN = ("flow.h5", "--out", "run")
     ids=str,
 )
 def test_what_is_on_can_be_switched_off(words: list[str], on: bool) -> None:
-    assert parse([*RUN, *words]).config.optimizer.last_layer is on
+    assert parse([*RUN, *words])[0].optimizer.last_layer is on
 
 
 @pytest.mark.parametrize(

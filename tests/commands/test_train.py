@@ -99,7 +99,7 @@ def test_no_argument_at_all_is_the_demonstration() -> None:
     assert config.flow == str(demo_path())
     assert demo_path().stat().st_size < 3e6
     assert (config.out, config.steps, verbose) == ("granpinn-demo", 6000, False)
-    assert parse([config.flow, "--out", "run"]).config.steps == Config().steps
+    assert parse([config.flow, "--out", "run"])[0].steps == Config().steps
 
 
 def test_cuda_that_is_not_there_is_refused(

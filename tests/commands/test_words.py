@@ -54,7 +54,7 @@ EMPTY: dict[str, Callable[..., int]] = {
     "train": lambda *words: train.main(["a.h5", *words]),
     "convert": lambda *words: convert.main(["a.txt", *words]),
     "inspect": lambda *words: inspect.main(["a.h5", *words]),
-    "simulate": lambda *words: cli.command("simulate")(list(words)),
+    "simulate": lambda *words: cli.command("simulate").main(list(words)),
     "report": lambda *words: report.main([*words, ""]),
 }
 

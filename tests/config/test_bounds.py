@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from granpinn.config import Config, ConfigError, settings_of
-from granpinn.config.fields import TINY, Setting, without_none
+from granpinn.config.fields import Setting, without_none
 from granpinn.data import Flow
 from granpinn.errors import CannotGoOn
 from tests.flows import make_flow
@@ -24,7 +24,7 @@ COSTLY = ("members", "batch.interior", "batch.surface", "steps", "epochs", "max_
 
 
 def bounds(stated: Setting) -> tuple[float, float]:
-    return (TINY if stated.positive else stated.low), stated.high
+    return stated.low, stated.high
 
 
 def as_value(stated: Setting, number: float) -> Any:

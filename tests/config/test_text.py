@@ -27,7 +27,7 @@ def test_a_config_survives_toml_exactly(recipe: str, tmp_path: Path) -> None:
     path = tmp_path / "config.toml"
     path.write_text(to_toml(config), encoding="utf-8")
     assert Config(**read_toml(path)) == config
-    assert parse(["--config", str(path)]).config == config
+    assert parse(["--config", str(path)])[0] == config
 
 
 @settings(
@@ -53,7 +53,7 @@ def test_any_number_survives_toml_and_flags(
     assert Config(**read_toml(path)) == config
     text = ",".join(map(str, widths))
     flags = [f"--weights.sigma_momentum={sigma!r}", f"--seed={seed}", f"--network.widths={text}"]
-    assert parse(["f", "--out", "o", *flags]).config == config
+    assert parse(["f", "--out", "o", *flags])[0] == config
 
 
 def test_every_setting_is_a_flag_with_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
@@ -72,7 +72,7 @@ def test_every_setting_is_a_flag_with_a_sentence(capsys: pytest.CaptureFixture[s
 def test_flags_win_over_the_file_and_the_file_over_the_recipe(tmp_path: Path) -> None:
     path = tmp_path / "case.toml"
     path.write_text('recipe = "paper"\nsteps = 7\nseed = 5\n[network]\nwidths = [3]\n')
-    config = parse([*REQUIRED, "--config", str(path), "--seed", "6", "--max-time", "60"]).config
+    config = parse([*REQUIRED, "--config", str(path), "--seed", "6", "--max-time", "60"])[0]
     assert (config.steps, config.seed, config.network.widths) == (7, 6, (3,))
     assert config.form == "strong"
     assert config.max_time == 60
@@ -81,7 +81,7 @@ def test_flags_win_over_the_file_and_the_file_over_the_recipe(tmp_path: Path) ->
 def test_a_resumed_run_takes_its_settings_from_its_folder(tmp_path: Path) -> None:
     config = Config(recipe="paper", flow="flow.h5", out=str(tmp_path), seed=3)
     (tmp_path / "config.toml").write_text(to_toml(config))
-    resumed = parse(["--out", str(tmp_path), "--resume"]).config
+    resumed = parse(["--out", str(tmp_path), "--resume"])[0]
     assert resumed == dataclasses.replace(config, resume=True)
 
 

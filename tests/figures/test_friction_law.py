@@ -10,7 +10,7 @@ import pytest
 from granpinn.figures import curves
 from granpinn.results import Covariance, Result
 from granpinn.results.result import friction_sd
-from granpinn.uncertainty.determined import with_curve
+from granpinn.uncertainty.determined import stress_points, with_curve
 from tests.figures.drawn import labels, line, xy
 from tests.run_folder import Array, Contents
 
@@ -21,7 +21,7 @@ def over(result: Result, low: float = 2e-3, high: float = 0.3) -> Result:
     """The result with its curve; a hundred points at each of these I, and their stress."""
     I = np.repeat(np.array([low, high]), 100)
     ratio = np.tile(np.linspace(0.3, 0.5, 100), 2)
-    return with_curve(result, I, ratio)
+    return with_curve(result, (low, high), stress_points(I, ratio, (low, high)))
 
 
 def test_the_law_is_drawn_over_the_covered_band_only(result: Result, contents: Contents) -> None:

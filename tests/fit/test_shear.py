@@ -9,7 +9,7 @@ import pytest
 
 from granpinn.config import Config
 from granpinn.fit.case import pose
-from granpinn.fit.prediction import shear_of, with_curve
+from granpinn.fit.prediction import shear_of, with_law
 from granpinn.results.fields import D2_STAGNANT
 from tests.flows import make_flow
 from tests.run_folder import SETTINGS, Contents, make_run, read_run, with_values
@@ -48,7 +48,7 @@ def test_the_points_are_the_stress_of_the_fit(contents: Contents) -> None:
     p = np.where(np.arange(K) % 7 == 0, -1.0, 2.0)  # no ratio where p < 0
     fields = with_values(contents.fields, I=I, D2=1e3, p=p, tau_xx=0.3, tau_xy=-0.4)
     case = pose(make_flow(), Config(**SETTINGS))
-    points = with_curve(contents.result, case, shear_of(fields)).law.points
+    points = with_law(contents.result, case, shear_of(fields)).law.points
     assert points is not None
     np.testing.assert_allclose(points.mu, 0.25, rtol=1e-6)
     known = (p > 0) & (fields.time_of_points() > 0)

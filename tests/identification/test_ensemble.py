@@ -15,10 +15,10 @@ from granpinn.data import Flow
 from granpinn.fit.case import pose
 from granpinn.identification.start import start
 from granpinn.kernels.builds import choose_device
+from granpinn.progress import Progress
 from granpinn.results import Result
 from granpinn.training.history import Row
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.progress import Progress
 from tests.flows import make_flow
 from tests.runs import tiny
 

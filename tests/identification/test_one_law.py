@@ -93,7 +93,7 @@ def test_the_command_writes_one_result_and_a_page(
     for one, path in zip((flow, OTHER), paths, strict=True):
         write_flow(one, Path(path))
     folder = tmp_path / "run"
-    config = parse([*paths, "--one-law", "--out", str(folder)]).config
+    config = parse([*paths, "--one-law", "--out", str(folder)])[0]
     assert (config.flow, config.further_flows) == (paths[0], (paths[1],))
     sizes = {name: getattr(tiny(), name) for name in ("steps", "log_every", "network", "batch")}
     assert training_run.run(dataclasses.replace(config, **sizes)) == 0
@@ -110,7 +110,7 @@ def test_the_command_writes_one_result_and_a_page(
         assert name in page
         assert (folder / f"{k:03d}" / "report.html").exists()
     assert str(tmp_path) not in page
-    resumed = parse(["--out", str(folder), "--resume"]).config
+    resumed = parse(["--out", str(folder), "--resume"])[0]
     assert resumed.further_flows == (paths[1],)
 
 

@@ -87,7 +87,7 @@ def test_values_without_error_bars_and_the_reason() -> None:
     config = Config(law="coulomb")
     assert center(MEMBERS, LAW) == pytest.approx((0.33,))
     assert most_central(MEMBERS, LAW) == 1
-    found = judge(MEMBERS, make_result().residuals, None, config, False)
+    found = judge(make_result(members=MEMBERS), None, config)
     assert found == "there are error bars for mu(I) only"
 
 

@@ -5,7 +5,6 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +12,9 @@ import pytest
 
 import granpinn
 from granpinn.commands import simulate as command
+from granpinn.progress import Lines, Progress
 from granpinn.simulation import Collapse, SimulationError
-from granpinn.simulation.engine import Engine, StepReport
-from granpinn.simulation.run import lines
+from granpinn.simulation.engine import Engine
 
 COARSE = {"cells": 64, "frames": 4, "t_end": 1.0, "stride": 2, "threads": 1}
 
@@ -29,8 +28,8 @@ import signal
 import sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background ignores it
 from granpinn.commands import simulate as command
-from granpinn.simulation.run import lines
-command.lines = lambda t_end: lines(t_end, every=0.0)
+from granpinn.progress import Lines
+Lines.every = 0.0
 sys.exit(command.main(sys.argv[1:]))
 """
 
@@ -84,11 +83,12 @@ def test_signal_before_two_frames_says_that_there_is_no_file(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def stopper(t_end: float) -> Callable[[StepReport], None]:
-        return lambda report: signal.raise_signal(signum)
+    class Stopper(Progress):
+        def at(self, name: str, done: float, total: float, text: str = "") -> None:
+            signal.raise_signal(signum)
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    monkeypatch.setattr(command, "lines", stopper)
+    monkeypatch.setattr(command, "automatic", Stopper)
     try:
         code = command.main([*FLAGS, "--out", str(tmp_path / "flow.h5")])
     finally:
@@ -102,21 +102,26 @@ def test_signal_before_two_frames_says_that_there_is_no_file(
 
 
 def test_failed_solve_stops_with_its_numbers(tmp_path: Path) -> None:
-    def spoiler(report: StepReport) -> None:
-        if report.time > 0.6:
-            raise SimulationError("the viscous solve stopped")
+    class Spoiler(Progress):
+        def at(self, name: str, done: float, total: float, text: str = "") -> None:
+            if done > 0.6:
+                raise SimulationError("the viscous solve stopped")
 
     with pytest.raises(SimulationError):
-        granpinn.simulate(out=tmp_path / "flow.h5", listener=spoiler, **COARSE)
+        granpinn.simulate(out=tmp_path / "flow.h5", progress=Spoiler(), **COARSE)
     assert len(granpinn.read_flow(tmp_path / "flow.h5").t) == 2
 
     with pytest.raises(SimulationError, match="pressure solve of step 0 .* after 1 iterations"):
         Engine(Collapse(cells=64, threads=1), largest_iteration_count=1)
 
 
-def test_progress_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    granpinn.simulate(listener=lines(1.0, every=0.0), **COARSE)
+def test_progress_lines(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Lines, "every", 0.0)
+    granpinn.simulate(progress=Lines(), **COARSE)
     said = capsys.readouterr().err.splitlines()
     assert len(said) >= 4
     assert "iterations" in said[-1]
-    assert "s left" in said[-1]
+    assert said[-1].endswith(" left")
+    assert said[-1].startswith("t 1/1  dt ")

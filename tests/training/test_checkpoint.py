@@ -20,7 +20,6 @@ from granpinn.training.checkpoint import (
     TrainingState,
     newest,
     require_same,
-    restore,
     save,
 )
 
@@ -60,9 +59,8 @@ def test_what_is_saved_comes_back(tmp_path: Path) -> None:
     assert found.state == state_at(7)
     for table, expected in zip(found.histories, HISTORIES, strict=True):
         torch.testing.assert_close(table, expected, rtol=0, atol=0, equal_nan=True)
-    live = {k: torch.zeros_like(t) for k, t in TENSORS.items()}
-    restore(found, live)
-    for name, tensor in live.items():
+    assert found.tensors.keys() == TENSORS.keys()
+    for name, tensor in found.tensors.items():
         assert torch.equal(tensor, TENSORS[name] + 7)
 
 
@@ -124,32 +122,6 @@ def test_what_is_not_finite_is_never_saved(bad: float, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_what_is_not_finite_is_never_restored(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr(checkpoint.torch, "isfinite", torch.ones_like)
-        save(tmp_path, {"params": torch.tensor([1.0, float("nan")])}, HISTORIES, state_at(3))
-    found = newest(tmp_path)
-    assert found is not None
-    with pytest.raises(CheckpointError, match="params holds a NaN"):
-        restore(found, {"params": torch.zeros(2)})
-
-
-def test_tensors_must_fit(tmp_path: Path) -> None:
-    saved(tmp_path, 1)
-    found = newest(tmp_path)
-    assert found is not None
-    live = {k: torch.zeros_like(t) for k, t in TENSORS.items()}
-    with pytest.raises(CheckpointError, match=r"params must be torch.float32 \[2\], got .* \[6\]"):
-        restore(found, live | {"params": torch.zeros(2)})
-    with pytest.raises(CheckpointError, match=r"q must be torch.float32 \[2\], got .*64"):
-        restore(found, live | {"q": torch.zeros(2)})
-    with pytest.raises(CheckpointError, match="differ in the tensors more"):
-        restore(found, live | {"more": torch.zeros(2)})
-    assert not live["params"].any()
-
-
 def test_another_run_is_refused_with_the_difference(tmp_path: Path) -> None:
     saved(tmp_path, 1)
     found = newest(tmp_path)
@@ -184,11 +156,9 @@ def forged(folder: Path, step: int, /, **changes: Any) -> None:
 
 
 IMPOSSIBLE: list[dict[str, Any]] = [
-    {"training__step": 1},
     {"training__step": 2.0},
     {"training__step": True},
     {"training__step": "2"},
-    {"training__step": 2**70},
     {"training__more": 1},
     {"training__lr_scale": 1.0},
     {"wall_s": None},
@@ -229,10 +199,3 @@ def test_every_flipped_bit_is_damage(tmp_path: Path) -> None:
             checkpoint._read(path)
     path.write_bytes(whole)
     assert checkpoint._read(path).state == state_at(2)
-
-
-def test_a_run_folder_that_vanished_is_not_made_again(tmp_path: Path) -> None:
-    folder = tmp_path / "run" / "checkpoint"
-    with pytest.raises(CheckpointError, match="run was removed during the run"):
-        saved(folder, 1)
-    assert not (tmp_path / "run").exists()

@@ -23,8 +23,7 @@ from granpinn.training import checkpoint
 from granpinn.training.graphs import Graphs
 from granpinn.training.guard import NonFiniteError
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.progress import Progress
-from tests.runs import make_objective, make_run, make_trainer, tiny
+from tests.runs import make_run, make_trainer, tiny
 from tests.training.test_graphs import record
 
 BAD_STEP = 23  # counts from 0; rows and snapshots are at 20 and 25, and so are the stretches
@@ -162,11 +161,3 @@ def test_the_rollback_uses_half_the_learning_rate_from_the_snapshot_on(flow: Flo
             twin.lr_scale = [0.5]
         twin.advance()
     assert torch.equal(run.trainer.params, twin.params)
-
-
-@pytest.mark.parametrize("name", ["points", "velocity", "point_weights", "surface_points"])
-def test_bad_data_is_refused_before_the_first_step(name: str, flow: Flow) -> None:
-    objective: Any = make_objective(tiny(), flow)
-    getattr(objective.pool, name)[1, 0] = math.nan
-    with pytest.raises(NonFiniteError, match="of the training set hold 1 value"):
-        TrainingLoop(objective, tiny(), None, Progress())

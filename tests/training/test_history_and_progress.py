@@ -10,8 +10,8 @@ import pytest
 from granpinn.data import Flow
 from granpinn.physics.laws import DEFAULT
 from granpinn.physics.terms import NAMES
-from granpinn.training.history import History, Row, columns, read_history, row_of
-from granpinn.training.progress import Bar
+from granpinn.progress import Bar
+from granpinn.training.history import History, Row, columns, described, read_history, row_of
 from tests.runs import make_run, tiny
 
 NAN = math.nan
@@ -79,11 +79,10 @@ def test_a_run_writes_the_columns_of_its_stages(flow: Flow, tmp_path: Path) -> N
 
 def test_the_bar_shows_steps_terms_and_values(capsys: pytest.CaptureFixture[str]) -> None:
     bar = Bar()
-    bar.start(10, 0)
-    bar.show(row(4))
-    bar.total(8)
+    bar.at("fit", 0, 10)
+    bar.at("fit", 4, 10, described(row(4)))
     bar.message("a [bracket] is no markup")
-    bar.show(row(8))
+    bar.at("fit", 8, 8, described(row(8)))
     bar.live.refresh()
     (task,) = bar.bar.tasks
     assert (task.description, task.fields["left"]) == ("fit 8/8", "0:00 left")

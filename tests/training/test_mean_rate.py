@@ -13,12 +13,12 @@ from granpinn.identification.start import start
 from granpinn.kernels.builds import choose_device
 from granpinn.kernels.network import initial_parameters
 from granpinn.physics.laws import DEFAULT
+from granpinn.progress import Progress
 from granpinn.training import last_layer
 from granpinn.training.features import Features, coefficients
 from granpinn.training.last_layer import FEWER, mean_length
 from granpinn.training.last_layer_sums import Sums, Unknowns, choose
 from granpinn.training.objective import Member
-from granpinn.training.progress import Progress
 from tests.runs import tiny
 from tests.training.test_last_layer import PHYSICS, SPEC, THETA, draw, problem
 

@@ -17,7 +17,7 @@ from granpinn.kernels import ops
 from granpinn.training import problem
 from granpinn.training.objective import INTERIOR, SURFACE, Evaluation, Objective
 from granpinn.training.points import training_set
-from granpinn.training.problem import NO_NOISE, Problem, VelocityNoise, with_wall_friction
+from granpinn.training.problem import Problem, with_wall_friction
 from granpinn.training.trainer import Trainer
 from tests.runs import make_trainer, tiny
 
@@ -134,12 +134,12 @@ def test_file_units_give_the_paper_its_own_numbers(flow: Flow) -> None:
 
 def test_the_velocity_weighs_less_where_the_data_are_noisy(flow: Flow) -> None:
     clean = replace(posed(flow, tiny()), term_weights=[0.003**-2, 1, 1, 1, 1])
-    noisy = replace(clean, noise=VelocityNoise(0.05, 0.2))
+    noisy = replace(clean, noise=0.05, share=0.2)
 
     def sigma(problem: Problem, misfit: float) -> float:
         return float(problem.term_weights[0] * problem.velocity_factor(misfit)) ** -0.5
 
-    assert sigma(replace(clean, noise=NO_NOISE), 0.2) == pytest.approx(0.003)
+    assert sigma(replace(clean, noise=0.0), 0.2) == pytest.approx(0.003)
     assert sigma(noisy, 0.04) == pytest.approx(0.2 * 0.04)  # fitted better than the noise
     assert sigma(noisy, 0.2) == pytest.approx(0.2 * 0.05)
     assert sigma(noisy, 0.0) == pytest.approx(0.2 * 0.05)  # no pre-fit

@@ -26,6 +26,7 @@ import torch
 from granpinn import identify
 from granpinn.config import Config
 from granpinn.fit.case import need_of_case
+from granpinn.training.room import total
 from tests.flows import make_flow
 warnings.simplefilter("ignore")
 torch.set_num_threads(1)
@@ -37,7 +38,7 @@ def peak():  # of this program alone: getrusage begins with that of its parent
     return 1024 * int(status.split("VmHWM:")[1].split()[0])
 
 before = peak()
-need = need_of_case(flow, config).total
+need = total(need_of_case(flow, config))
 identify(flow, config, run_dir=sys.argv[3])
 print(json.dumps([need, peak() - before]))
 """

@@ -12,11 +12,11 @@ import torch
 from granpinn.config import Config
 from granpinn.data import Flow
 from granpinn.errors import Interrupted
+from granpinn.progress import Progress
 from granpinn.signals import Signals
 from granpinn.training import loop as loop_module
 from granpinn.training import time_limit
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.progress import Progress
 from granpinn.training.time_limit import Limit
 from tests.runs import make_objective, make_trainer, tiny
 
@@ -96,8 +96,8 @@ def test_a_run_ends_at_its_limit_though_its_pace_changes(
         real()
 
     run.trainer.advance = advance  # type: ignore[method-assign]
-    totals: list[int] = []
-    run.progress.total = totals.append  # type: ignore[method-assign]
+    totals: list[float] = []
+    run.progress.at = lambda *at: totals.append(at[2])  # type: ignore[method-assign, assignment]
     run.train()
     assert 0.9 * 200 < ticking.now - 100.0 <= 200
     assert run.stopped == "max_time"

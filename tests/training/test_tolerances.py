@@ -13,7 +13,7 @@ from granpinn.data import Flow, add_noise
 from granpinn.data.scaling import scales_of
 from granpinn.estimates.facts import STEPS, Facts
 from granpinn.physics.terms import NAMES
-from granpinn.training.problem import MOST_COLUMNS, RESOLVED, VelocityNoise, law_rate, sigmas_of
+from granpinn.training.problem import MOST_COLUMNS, RESOLVED, law_rate, resolved_share, sigmas_of
 from tests.flows import make_chute, make_flow
 
 ROUNDED = 2 ** (0.5 / STEPS) - 1
@@ -47,9 +47,7 @@ def test_noise_is_measured_and_leaves_the_shear_rate(demo: Flow, sd: float) -> N
     assert noisy.sigma == pytest.approx(sd * speed, rel=0.05 + ROUNDED)
     assert clean.sigma < 1e-4
     assert noisy.shear_rate == pytest.approx(clean.shear_rate, rel=0.3 + ROUNDED)
-    assert VelocityNoise.of(noisy).share == pytest.approx(
-        math.sqrt(RESOLVED / demo.valid.sum()), rel=0.05
-    )
+    assert resolved_share(noisy) == pytest.approx(math.sqrt(RESOLVED / demo.valid.sum()), rel=0.05)
 
 
 def test_tolerances_scale_with_the_flow() -> None:

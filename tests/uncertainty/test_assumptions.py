@@ -45,10 +45,9 @@ def test_the_covariance_of_assumptions() -> None:
 
 def test_no_error_bars_where_an_effect_is_not_known() -> None:
     example = make_result()
-    assert example.members is not None
     lost = dataclasses.replace(LINE, derivative=None, why=sensitivity.DIVERGED)
     known = Known((0.02, 0.3), (0.4, 0.64))
-    arguments = example.members, example.residuals, known, Config(), False, ()
+    arguments = example, known, Config()
     assert not isinstance(judge(*arguments, (LINE,)), str)
     assert judge(*arguments, (lost,)) == "the effect of the surface line is not known"
 

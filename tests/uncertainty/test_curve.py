@@ -42,7 +42,7 @@ def test_the_band_is_that_of_a_line_through_both_parameters(half: float) -> None
     """sd(mu) = sqrt(J C J^T), by hand; symmetric in log mu."""
     bars = ErrorBars((0.01, 0.02), 8.0, half, "a test")
     result = make_result(covariance=covariance(MATRIX), error_bars=bars)
-    curve = with_curve(result, spread_of(0.003, 0.5)).law.curve
+    curve = with_curve(result, (0.003, 0.5)).law.curve
     assert curve is not None
     mu_s, mu_2, I0 = result.theta
     x = np.array(curve.I) / (np.array(curve.I) + I0)
@@ -54,9 +54,8 @@ def test_the_band_is_that_of_a_line_through_both_parameters(half: float) -> None
 
 
 def test_the_curve_covers_the_range_that_the_data_determine() -> None:
-    number = spread_of(1e-3, 1.0)
     result = make_result()
-    law = with_curve(result, number).law
+    law = with_curve(result, (1e-3, 1.0)).law
     assert law.curve is not None
     assert law.I_range is not None
     I = np.array(law.curve.I)
@@ -71,7 +70,7 @@ def test_the_band_is_as_wide_as_the_intervals() -> None:
     widths = []
     for error_bars in (None, bars):
         result = make_result(covariance=covariance(MATRIX), error_bars=error_bars)
-        curve = with_curve(result, spread_of(0.01, 0.3)).law.curve
+        curve = with_curve(result, (0.01, 0.3)).law.curve
         assert curve is not None
         assert curve.half_width is not None
         widths.append(curve.half_width)
@@ -89,7 +88,7 @@ def test_the_band_is_as_wide_as_the_intervals() -> None:
 def test_without_error_bars_the_band_is_not_determined(
     changes: dict[str, object], reason: str | None
 ) -> None:
-    law = with_curve(make_result(**changes), spread_of(0.01, 0.3)).law
+    law = with_curve(make_result(**changes), (0.01, 0.3)).law
     assert law.curve is not None
     if reason is None:  # wide, but not without an end
         assert law.curve.low is not None
@@ -120,7 +119,11 @@ def test_the_points_are_medians_with_16_to_84_percent() -> None:
 
 
 def test_the_record_in_the_files(tmp_path: object) -> None:
-    result = with_curve(make_result(), spread_of(0.01, 0.3), np.full(2001, 0.45))
+    result = with_curve(
+        make_result(),
+        (0.01, 0.3),
+        stress_points(spread_of(0.01, 0.3), np.full(2001, 0.45), (0.01, 0.3)),
+    )
     path = f"{tmp_path}/results.json"
     write_results(result, path)
     assert read_results(path) == result

@@ -19,7 +19,7 @@ from granpinn.results import Covariance, Parameters, Residuals, Result
 from granpinn.results.record import CARE, GOOD
 from granpinn.results.records import Assumed, ErrorBars, IdentifiedLaw, LawPoints, Members
 from granpinn.uncertainty.error_model import Known, ends_of, line, load
-from granpinn.uncertainty.one_law import LeastSquares, fit
+from granpinn.uncertainty.one_law import Gathered, LeastSquares, fit
 from tests.examples import make_result
 
 LAW = np.array([0.4, 0.64])
@@ -37,7 +37,7 @@ def fitted_to(errors: np.ndarray, free: bool, theta: tuple[float, ...] = THETA) 
     """The fit to laws whose log mu is wrong by `errors` [6] at the ends."""
     y = np.log(DEFAULT.friction(I, *theta)) + errors
     law = DEFAULT.with_free({"I0": 0.3}) if free else DEFAULT
-    return fit(y, covariance(), I, law, THETA, (2, 2, 2))
+    return fit(Gathered(I, y, {"method": covariance()}, [np.eye(2)] * 3), law, THETA)
 
 
 @pytest.mark.parametrize("free", [False, True], ids=["I0 given", "I0 free"])

@@ -18,6 +18,7 @@ import argparse
 import csv
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -69,10 +70,9 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
     I_range = n["I_low"], n["I_high"]
     symmetries = tuple(filter(None, cells["symmetries"].split("; ")))
     config = Config(level=cells["level"])  # type: ignore[arg-type]
-    found = judge(members, residuals, known, config, False, symmetries)
-    assert not isinstance(found, str)  # the default recipe has error bars
+    mu_s, mu_2 = (Parameter(value, False) for value in known.mu)
     result = Result(
-        parameters=Parameters(**found.parameters, I0=Parameter(n["I0"], True)),
+        parameters=Parameters(mu_s=mu_s, mu_2=mu_2, I0=Parameter(n["I0"], True)),
         level=config.level,
         form=config.form,
         recipe=config.recipe,
@@ -84,15 +84,21 @@ def result_of(cells: dict[str, str], n: dict[str, float]) -> Result:
         input=Input(cells["name"], ""),
         law=IdentifiedLaw("mu_of_i", I_range),
         members=members,
+        residuals=residuals,
+    )
+    found = judge(result, known, config)
+    assert not isinstance(found, str)  # the default recipe has error bars
+    result = replace(
+        result,
+        parameters=Parameters(**found.parameters, I0=result.parameters["I0"]),
         residuals=residuals if cells["momentum"] else None,
         covariance=found.covariance,
         error_bars=found.bars,
     )
     if cells["carried"] == "True":
         result = momentum_balance.without_error_bars(result)
-    number = np.repeat(I_range, 10)
-    result = applied(result, determined(result, number))
-    result = with_curve(result, number)
+    result = applied(result, determined(result, [I_range]))
+    result = with_curve(result, I_range)
     points = tuple(momentum_balance.difference(p, result) for p in _points(cells["balance"]))
     balance = Baseline("walls carry the grains", carried=cells["carried"] == "True")
     record = momentum_balance.MomentumBalance(balance, points)

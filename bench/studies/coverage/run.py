@@ -36,8 +36,8 @@ from granpinn.fit.case import Case, members, pose
 from granpinn.fit.ensemble import network_of
 from granpinn.identification.start import start
 from granpinn.kernels.builds import choose_device
+from granpinn.progress import Lines
 from granpinn.training.loop import TrainingLoop
-from granpinn.training.progress import Lines
 
 FEW = 6  # flows whose momentum balances this process makes
 
@@ -69,7 +69,7 @@ def settings_of(task: Task, config: Config, i: int) -> Config:
 
 def balanced(task: Task, path: Path, config: Config) -> dict[str, Any] | None:
     """The momentum balance of a flow, as its identification sees it."""
-    return balance_of(pose(read(task, path), config).shared.balance(config.I0))
+    return balance_of(pose(read(task, path), config).balance(config.I0))
 
 
 def identified(

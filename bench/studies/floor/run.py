@@ -30,8 +30,8 @@ from bench.studies.floor.sampling import Sampling, sample
 from granpinn import identify_many
 from granpinn.data import Flow, add_noise
 from granpinn.physics.laws import mu_of_i
+from granpinn.progress import Lines
 from granpinn.results import Result
-from granpinn.training.progress import Lines
 
 START_UP = "start-up"
 INERTIAL = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)  # I at which mu is compared

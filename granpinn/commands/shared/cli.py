@@ -9,16 +9,12 @@ from __future__ import annotations
 import difflib
 import importlib
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from collections.abc import Sequence
+from typing import Any, NamedTuple, NoReturn
 
 import granpinn
 from granpinn.commands.shared import exit_codes
 from granpinn.errors import BadInput
-
-if TYPE_CHECKING:
-    from granpinn.commands.shared.parser import Parser
 
 
 class Verb(NamedTuple):
@@ -77,33 +73,15 @@ FIRST_STEPS = """first steps:
 granpinn VERB --help explains every argument; python -m granpinn.VERB is the same command."""
 
 
-@dataclass(frozen=True)
-class Command:
-    """What a module of granpinn/commands/ calls `main`.
-
-    Attributes:
-        run: the words behind the verb -> exit code.
-    """
-
-    verb: str
-    parser: Callable[[], Parser]
-    run: Callable[[Sequence[str]], int]
-
-    def __call__(self, argv: Sequence[str]) -> int:
-        """The exit code for the words behind the verb; errors become one sentence on stderr."""
-        return exit_codes.exit_code(self.verb, lambda: self.run(argv))
-
-
-def command(verb: str) -> Command:
-    """The command of a verb, which is imported here."""
-    found: Command = importlib.import_module(f"granpinn.commands.{verb}").main
-    return found
+def command(verb: str) -> Any:
+    """The module of a verb, which is imported here: its `parser`, and `main`, which runs it."""
+    return importlib.import_module(f"granpinn.commands.{verb}")
 
 
 def start(verb: str) -> NoReturn:
     """`python -m granpinn.VERB`: run the command with the words of this process, and end it."""
     exit_codes.guard_process(verb)
-    sys.exit(command(verb)(sys.argv[1:]))
+    sys.exit(command(verb).main(sys.argv[1:]))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -113,8 +91,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         exit_codes.guard_process(verb)
     if verb:
-        return command(verb)(words[1:])
-    return exit_codes.exit_code(verb, lambda: _without_verb(words))
+        code: int = command(verb).main(words[1:])
+        return code
+    return exit_codes.exit_code(verb, _without_verb, words)
 
 
 def _without_verb(words: Sequence[str]) -> int:

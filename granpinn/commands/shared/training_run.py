@@ -8,20 +8,18 @@ from importlib import import_module
 from pathlib import Path
 from threading import Thread
 
-from granpinn import results
+from granpinn import progress, results
 from granpinn.checks import wanted
 from granpinn.commands.shared.flow_files import require_flow_files
 from granpinn.config import Config
 from granpinn.fit.context import FIELDS
 from granpinn.identification.identified import load
 from granpinn.identification.identify import identify
-from granpinn.identification.start import require_kept
 from granpinn.kernels.builds import wake
 from granpinn.output import owned
 from granpinn.results.record import why_not_done
 from granpinn.results.result import in_words
 from granpinn.terminal import say
-from granpinn.training import progress
 
 REPORT = "report"
 FIGURES = 4.5  # seconds that the figures and the page take
@@ -73,7 +71,6 @@ def run(config: Config, verbose: bool = False, begin: float | None = None) -> in
                     results.write_results(result.without(REPORT, why), folder / "results.json")
         listener.stop()
         print(f"report: {page}")
-        require_kept(folder)
     missing = [name for name in (FIELDS, *asked) if name in result.not_done]
     for name in missing:
         why = result.not_done[name]

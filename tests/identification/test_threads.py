@@ -3,27 +3,11 @@
 from __future__ import annotations
 
 import threading
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import Future
 
 import pytest
 
-from granpinn.simulation.threads import Threads, threads
-
-
-def stop(pools: list[Threads]) -> None:
-    """Leave the block of a pool by an error, as a signal does."""
-    with threads(1) as pool:
-        pools.append(pool)
-        raise KeyboardInterrupt
-
-
-def test_work_that_an_error_ended_gives_no_more_work() -> None:
-    """A thread that still runs is told that the run stops, not that there is a bug."""
-    pools: list[Threads] = []
-    with pytest.raises(KeyboardInterrupt):
-        stop(pools)
-    with pytest.raises(CancelledError):
-        pools[0].submit(print)
+from granpinn.identification.threads import threads
 
 
 def test_an_error_does_not_wait_for_work_that_runs() -> None:

@@ -1,7 +1,7 @@
 """The progress of a run: a bar in a terminal or a notebook, plain lines elsewhere.
 
-A run calls its listener: `start`, then `show` for every row of the history; `stage` for everything
-that follows the training; and `stop` at the end.
+A run calls its listener: `at` as it gets on, a training also `show` for every row of its history;
+`stage` for everything that follows; and `stop` at the end.
 """
 
 from __future__ import annotations
@@ -12,24 +12,20 @@ import time
 from html import escape
 from typing import Any
 
-from granpinn.physics.terms import TERMS
 from granpinn.terminal import visible
-from granpinn.training.history import Row
-
-LAST_LAYER = "last layer"  # the stage that ends a training
 
 
 class Progress:
     """A listener of a run that shows nothing; subclass it and override what is of interest."""
 
-    def start(self, total: int, done: int) -> None:
-        """A training of `total` steps begins; `done` of them are in a checkpoint."""
+    def at(self, name: str, done: float, total: float, text: str = "") -> None:
+        """Of `total` steps, or of a time, so much is done; at the start of a run 0.
 
-    def total(self, steps: int) -> None:
-        """The schedule changed: the training has this many steps."""
+        The total may change on the way. `text` has the numbers of the last step.
+        """
 
-    def show(self, row: Row) -> None:
-        """A row was added to the history."""
+    def show(self, row: dict[str, float]) -> None:
+        """A row was added to the history of a training."""
 
     def stage(self, name: str) -> None:
         """A later stage begins."""
@@ -42,34 +38,27 @@ class Progress:
 
 
 class Shown(Progress):
-    """Knows the stage, and the time left of the training; a subclass shows them in `update`.
+    """Knows what is done, and the time left; a subclass shows them in `update`.
 
     Attributes:
         every: seconds between updates.
-        times: of the training: steps and their moments; empty in a later stage.
+        times: what was done, and when; empty in a stage that does not say it.
     """
 
     every = 0.5
 
     def __init__(self) -> None:
-        self.name, self.text, self.updated = "fit", "", -math.inf
-        self.steps = 0
-        self.times: list[tuple[int, float]] = []
+        self.name, self.text, self.updated = "", "", -math.inf
+        self.total = 1.0
+        self.times: list[tuple[float, float]] = []
 
-    def start(self, total: int, done: int) -> None:
-        self.name, self.steps, self.times = "fit", total, [(done, time.monotonic())]
-        self.update()
-
-    def total(self, steps: int) -> None:
-        self.steps = steps
-
-    def show(self, row: Row) -> None:
+    def at(self, name: str, done: float, total: float, text: str = "") -> None:
         now = time.monotonic()
-        step = int(row["step"])
-        self.times.append((step, now))
-        self.text = describe(row)
-        if step >= self.steps or now - self.updated >= self.every:
-            self.updated = now
+        self.name, self.total, self.text = name, total, text
+        self.times.append((done, now))
+        begun = len(self.times) == 1
+        if begun or done >= total or now - self.updated >= self.every:
+            self.updated = -math.inf if begun else now
             self.update()
 
     def stage(self, name: str) -> None:
@@ -84,9 +73,9 @@ class Shown(Progress):
 
     @property
     def where(self) -> str:
-        """The stage, with the step of a training."""
+        """The stage, and how far it is."""
         times = self.times  # rich looks from another thread
-        return f"{self.name} {times[-1][0]}/{self.steps}" if times else self.name
+        return f"{self.name} {short(times[-1][0])}/{short(self.total)}" if times else self.name
 
     @property
     def line(self) -> str:
@@ -95,22 +84,22 @@ class Shown(Progress):
 
     @property
     def done(self) -> float:
-        """The part of the training that is done."""
+        """The part that is done."""
         times = self.times
-        return times[-1][0] / self.steps if times else 1.0
+        return times[-1][0] / self.total if times else 1.0
 
     @property
     def left(self) -> str:
-        """The time left of the training, where its rows show it."""
+        """The time left, where it is known."""
         times = list(self.times)
         if len(times) < 2:
             return ""
-        step, moment = times[-1]
-        # Steps of the pre-fit are quicker: the later half of the steps shows the pace.
-        middle = (times[0][0] + step) // 2
+        done, moment = times[-1]
+        # Steps of the pre-fit are quicker: the later half of what is done shows the pace.
+        middle = (times[0][0] + done) / 2
         since = next(row for row in reversed(times[:-1]) if row[0] <= middle)
-        pace = (moment - since[1]) / max(1, step - since[0])
-        return f"{duration(pace * (self.steps - step))} left"
+        pace = (moment - since[1]) / (done - since[0])
+        return f"{duration(pace * (self.total - done))} left"
 
 
 class Lines(Shown):
@@ -202,13 +191,9 @@ def by_default() -> Progress:
     return Notebook() if "IPKernelApp" in getattr(shell, "config", {}) else Progress()
 
 
-def describe(row: Row) -> str:
-    """The parameters, the loss and its terms in one line, without the unused terms."""
-    _, _, _, *rest = row
-    parts = [f"{name} {row[name]:.4f}" for name in rest[len(TERMS) : -1]]
-    parts.append(f"loss {row['loss']:.3g}")
-    terms = [(term.label, row[term.name]) for term in TERMS]
-    return "  ".join(parts + [f"{label} {v:.1e}" for label, v in terms if math.isfinite(v)])
+def short(number: float) -> str:
+    """15000 as it is, and three digits of a small number."""
+    return f"{number:.3g}" if number < 100 else f"{number:.0f}"
 
 
 def duration(seconds: float) -> str:
