@@ -14,7 +14,7 @@ from granpinn.config.toml import to_toml
 from granpinn.estimates.confined import undetermined
 from granpinn.fit import assumptions
 from granpinn.fit.case import Case
-from granpinn.output import make_folder, write_text
+from granpinn.output import OutputError, make_folder, write_text
 from granpinn.progress import Progress, by_default
 from granpinn.results.record import NONE, Check
 from granpinn.training.loop import TrainingLoop
@@ -104,3 +104,13 @@ def prepare(folder: Path, config: Config) -> Path:
         settings = dataclasses.replace(config, resume=False)
         write_text(folder / "config.toml", to_toml(settings))
     return folder
+
+
+def require_kept(folder: Path) -> None:
+    """Raise OutputError if files of a finished run are gone: somebody removed its folder."""
+    missing = [name for name in ("config.toml", "results.json") if not (folder / name).exists()]
+    if missing:
+        raise OutputError(
+            f"{folder} was removed during the run (it lacks {' and '.join(missing)}): start again "
+            f"with an --out that stays"
+        )

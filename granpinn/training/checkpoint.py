@@ -98,7 +98,8 @@ def save(
 ) -> Path:
     """Write the checkpoint of a step and remove all but the two newest; its path.
 
-    CheckpointError: a tensor holds a NaN or an infinity, or a file cannot be written.
+    CheckpointError: a tensor holds a NaN or an infinity, a file cannot be written, or the run
+    folder is gone.
     """
     step = state.training.step
     for name, tensor in tensors.items():
@@ -110,6 +111,10 @@ def save(
     content = packed(*FORMAT, state, {**tensors, **rows})
     path = folder / f"step-{step:09d}-{_checksum(content)}.safetensors"
     try:
+        if not folder.parent.is_dir():
+            raise CheckpointError(
+                f"{folder.parent} was removed during the run: start again with an --out that stays"
+            )
         make_folder(folder)
         write_bytes(path, content)
         with naming(folder):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -223,3 +224,23 @@ def test_a_page_names_what_was_not_done(
     results.write_results(result.without("unknown_I0", "a <b> reason"), tmp_path / "results.json")
     text = load(tmp_path).report().read_text()
     assert "<li>Unknown i0: a &lt;b&gt; reason</li>" in text
+
+
+@pytest.mark.usefixtures("no_report")
+def test_a_folder_that_vanishes_is_an_error(
+    flow_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    folder = tmp_path / "run"
+
+    def removed(*args: object, **kwargs: object) -> Path:
+        shutil.rmtree(folder)
+        folder.mkdir()
+        return folder / "report.html"
+
+    monkeypatch.setattr(page, "build", removed)
+    assert run(flow_file, "--out", folder) == 1
+    err = capsys.readouterr().err.splitlines()[-1]
+    assert err.startswith(f"granpinn.train: {folder} was removed during the run")

@@ -134,6 +134,26 @@ def with_stdout(
     )
 
 
+@pytest.mark.parametrize(
+    ("name", "flag", "kibibytes"),
+    [
+        *((name, "-v", 600_000) for name in HEAVY),
+        ("train", "-v", 500_000),
+        ("train", "-d", 200_000),
+    ],
+)
+def test_too_little_memory_for_the_libraries_is_one_sentence(
+    name: str, flag: str, kibibytes: int
+) -> None:
+    """The libraries crash with less, or never end."""
+    line = f'ulimit {flag} {kibibytes}; exec "$@"'
+    words = ["bash", "-c", line, "bash", *as_module(name), "--help"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    message = one_sentence(done.stderr, f"granpinn.{name}")
+    assert f"ulimit {flag} allows {kibibytes}: raise the limit" in message
+
+
 # ---- the boundary in this process ----------------------------------------------------------------
 
 

@@ -199,3 +199,10 @@ def test_every_flipped_bit_is_damage(tmp_path: Path) -> None:
             checkpoint._read(path)
     path.write_bytes(whole)
     assert checkpoint._read(path).state == state_at(2)
+
+
+def test_a_run_folder_that_vanished_is_not_made_again(tmp_path: Path) -> None:
+    folder = tmp_path / "run" / "checkpoint"
+    with pytest.raises(CheckpointError, match="run was removed during the run"):
+        saved(folder, 1)
+    assert not (tmp_path / "run").exists()

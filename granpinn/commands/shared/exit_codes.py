@@ -18,6 +18,7 @@ import errno
 import gc
 import io
 import os
+import resource
 import signal
 import sys
 import warnings
@@ -40,6 +41,9 @@ from granpinn.terminal import say, visible
 
 DEBUG = "GRANPINN_DEBUG"
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"  # read when NumPy is loaded
+# The least that the libraries need, in bytes. With less they crash, or never end, while they load.
+LIMITS = {"-v": (resource.RLIMIT_AS, 2**30), "-d": (resource.RLIMIT_DATA, 2**29)}
+ANYWHERE = ("", "completion", "doctor")  # commands that load no large library
 _guarded: list[str] = []  # the command of this process, if `guard_process` has prepared it
 PACKAGE = str(Path(__file__).parents[2])
 
@@ -126,6 +130,19 @@ def guard_process(command: str) -> None:
     set_handler(_stopper(command))
     _guarded.append(command)
     sys.excepthook = lambda kind, error, place: fail(command, *conclusion(error), error)
+    if command not in ANYWHERE:
+        _require_memory()
+
+
+def _require_memory() -> None:
+    """CannotGoOn where a limit of this process leaves too little memory for the libraries."""
+    for flag, (kind, need) in LIMITS.items():
+        limit, _ = resource.getrlimit(kind)
+        if limit != resource.RLIM_INFINITY and limit < need:
+            raise CannotGoOn(
+                f"this process needs at least {need // 1024} KiB of memory, ulimit {flag} allows "
+                f"{limit // 1024}: raise the limit, ulimit {flag} {need // 1024}"
+            )
 
 
 def keep_what_is_loaded() -> None:

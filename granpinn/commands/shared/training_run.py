@@ -15,6 +15,7 @@ from granpinn.config import Config
 from granpinn.fit.context import FIELDS
 from granpinn.identification.identified import load
 from granpinn.identification.identify import identify
+from granpinn.identification.start import require_kept
 from granpinn.kernels.builds import wake
 from granpinn.output import owned
 from granpinn.results.record import why_not_done
@@ -71,6 +72,7 @@ def run(config: Config, verbose: bool = False, begin: float | None = None) -> in
                     results.write_results(result.without(REPORT, why), folder / "results.json")
         listener.stop()
         print(f"report: {page}")
+        require_kept(folder)
     missing = [name for name in (FIELDS, *asked) if name in result.not_done]
     for name in missing:
         why = result.not_done[name]
