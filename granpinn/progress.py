@@ -92,7 +92,7 @@ class Shown(Progress):
     def left(self) -> str:
         """The time left, where it is known."""
         times = list(self.times)
-        if len(times) < 2:
+        if not times or times[-1][0] <= times[0][0]:
             return ""
         done, moment = times[-1]
         # Steps of the pre-fit are quicker: the later half of what is done shows the pace.
