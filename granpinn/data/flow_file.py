@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth, Walls
+from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth, Units, Walls
 from granpinn.data.particles import grid_view
 from granpinn.data.rules import check_flow
 from granpinn.data.schema import (
@@ -30,7 +30,6 @@ from granpinn.data.schema import (
     RECORDS,
     TRUTH,
     WRITE_HINT,
-    Units,
     arrays_of,
     attribute,
     attributes_of,
@@ -280,7 +279,7 @@ def _write_arrays(file: h5py.File, flow: Flow) -> None:
             chunks = (min(FRAMES_PER_CHUNK, array.shape[0]), *array.shape[1:])
             options = {"chunks": chunks, **_PACKED}
         dataset = file.create_dataset(rule.name, data=array, **options)
-        unit = Units(flow.length_unit, flow.time_unit, flow.density_unit).of(rule.quantity)
+        unit = flow.units.of(rule.quantity)
         if unit is not None:
             _write_text(dataset, "units", unit)
     for name in _SCALES.values():
