@@ -12,7 +12,7 @@ import time
 from html import escape
 from typing import Any
 
-from granpinn.terminal import visible
+from granpinn.terminal import say, visible
 
 
 class Progress:
@@ -42,7 +42,7 @@ class Shown(Progress):
 
     Attributes:
         every: seconds between updates.
-        times: what was done, and when; empty in a stage that does not say it.
+        times: what was done at each update, and when; empty in a stage that does not say it.
     """
 
     every = 0.5
@@ -53,11 +53,10 @@ class Shown(Progress):
         self.times: list[tuple[float, float]] = []
 
     def at(self, name: str, done: float, total: float, text: str = "") -> None:
-        now = time.monotonic()
-        self.name, self.total, self.text = name, total, text
-        self.times.append((done, now))
-        begun = len(self.times) == 1
+        now, begun = time.monotonic(), not self.times
         if begun or done >= total or now - self.updated >= self.every:
+            self.name, self.total, self.text = name, total, text
+            self.times.append((done, now))
             self.updated = -math.inf if begun else now
             self.update()
 
@@ -112,7 +111,7 @@ class Lines(Shown):
             self.message(self.line)
 
     def message(self, text: str) -> None:
-        print(visible(text), file=sys.stderr, flush=True)
+        say(text)
 
 
 class Bar(Shown):

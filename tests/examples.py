@@ -10,8 +10,8 @@ import torch
 
 from granpinn.checks.momentum_balance import Difference, MomentumBalance
 from granpinn.data import Flow, Truth
+from granpinn.data.flow import Units
 from granpinn.data.scaling import scales_of
-from granpinn.data.schema import Units
 from granpinn.data.symmetry import axes_of
 from granpinn.fit.network import TrainedNetwork
 from granpinn.inspection.momentum_balance import Baseline, Point
@@ -149,5 +149,5 @@ def make_network(form: str, flow: Flow, seed: int = 0) -> TrainedNetwork:
     theta = torch.tensor([0.4, 0.64, 0.3], dtype=torch.float64)
     physics = Physics(0.05, 0.1, -0.99, 0.01, 0.5, 0.7, 0.9, 1e-4, 1.5, 0.4, 0.2)
     params, scales = initial_parameters(spec, seed), scales_of(flow)
-    units = Units(flow.length_unit, flow.time_unit, flow.density_unit)
+    units = flow.units
     return TrainedNetwork(spec, physics, params, theta, scales, DEFAULT, axes_of(flow), units)

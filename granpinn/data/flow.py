@@ -101,6 +101,31 @@ class Truth(LawValues):
     """The friction law that made the data: for scoring, never for training."""
 
 
+@dataclass(frozen=True)
+class Units:
+    """Units of length, time and density of a flow file; "1" means dimensionless."""
+
+    length: str
+    time: str
+    density: str | None = None
+
+    def of(self, kind: str) -> str | None:
+        """Unit of a kind of quantity; None for pressure and viscosity unless all units are SI.
+
+        A flow file may lack the unit of its density, which determines the unit of pressure.
+        """
+        if kind == "number" or self.length == self.time == "1":
+            return "1"
+        si = (self.length, self.time, self.density) == ("m", "s", "kg/m^3")
+        return {
+            **({"pressure": "Pa", "viscosity": "Pa s"} if si else {}),
+            "length": self.length,
+            "time": self.time,
+            "velocity": f"{self.length}/{self.time}",
+            "rate": f"1/{self.time}",
+        }.get(kind)
+
+
 @dataclass(frozen=True, eq=False)
 class Flow(_Record):
     """Velocity of the grains on a grid in space and time, or at scattered points.
@@ -200,6 +225,11 @@ class Flow(_Record):
     def spacing(self) -> tuple[float, float]:
         """Usual distances of columns and of rows: the medians along x and y."""
         return float(np.median(np.diff(self.x))), float(np.median(np.diff(self.y)))
+
+    @property
+    def units(self) -> Units:
+        """Its units of length, time and density."""
+        return Units(self.length_unit, self.time_unit, self.density_unit)
 
     @property
     def steady(self) -> bool:

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth, Walls
+from granpinn.data.flow import Flow, FlowFileError, Particles, Surface, Truth, Units, Walls
 from granpinn.data.particles import grid_view
 from granpinn.data.rules import check_flow
 from granpinn.data.schema import (
@@ -32,7 +32,6 @@ from granpinn.data.schema import (
     TRUTH,
     WRITE_HINT,
     DatasetRule,
-    Units,
     arrays_of,
     attribute,
     attributes_of,
@@ -219,7 +218,6 @@ def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
             "in memory"
         )
     arrays = arrays_of(flow)
-    units = Units(flow.length_unit, flow.time_unit, flow.density_unit)
     values = {
         **{name: value for name, value in attributes_of(flow).items() if name not in arrays},
         "format_name": FORMAT_NAME,
@@ -238,7 +236,7 @@ def write_flow(flow: Flow, path: str | os.PathLike[str]) -> None:
                 options = {"chunks": (min(ROWS_PER_CHUNK, *shape),), **_PACKED}
             elif packed and rule.axes == GRID:
                 options = {"chunks": (min(FRAMES_PER_CHUNK, shape[0]), *shape[1:]), **_PACKED}
-            add_dataset(file, rule, units, data=arrays[name], **options)
+            add_dataset(file, rule, flow.units, data=arrays[name], **options)
 
 
 def add_dataset(

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +29,7 @@ from granpinn.data.flow import (
     FlowFileError,
     Particles,
     Surface,
+    Units,
     Walls,
 )
 from granpinn.declared import shown
@@ -39,31 +39,6 @@ from granpinn.regular import UnsafeFileError
 FORMAT_NAME = "granpinn-flow"
 FORMAT_VERSION = 1
 MOST_IN_MEMORY = 2**30  # bytes of a flow; a larger one is stored so that it can be used in its file
-
-
-@dataclass(frozen=True)
-class Units:
-    """Units of length, time and density of a flow file; "1" means dimensionless."""
-
-    length: str
-    time: str
-    density: str | None = None
-
-    def of(self, kind: str) -> str | None:
-        """Unit of a kind of quantity; None for pressure and viscosity unless all units are SI.
-
-        A flow file may lack the unit of its density, which determines the unit of pressure.
-        """
-        if kind == "number" or self.length == self.time == "1":
-            return "1"
-        si = (self.length, self.time, self.density) == ("m", "s", "kg/m^3")
-        return {
-            **({"pressure": "Pa", "viscosity": "Pa s"} if si else {}),
-            "length": self.length,
-            "time": self.time,
-            "velocity": f"{self.length}/{self.time}",
-            "rate": f"1/{self.time}",
-        }.get(kind)
 
 
 class DatasetRule(NamedTuple):

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import torch
 
 from granpinn import results
-from granpinn.data.schema import Units
 from granpinn.data.symmetry import axes_of
 from granpinn.fit.case import Case
 from granpinn.fit.network import TrainedNetwork
@@ -48,9 +47,8 @@ def members_of(cases: Sequence[Case], run: TrainingLoop, first: int) -> tuple[Me
 def network_of(case: Case, trainer: Trainer, e: int) -> TrainedNetwork:
     """The trained network and law of a case, member e of the run."""
     problem, law, flow = case.member.problem, case.member.law, case.flow
-    units = Units(flow.length_unit, flow.time_unit, flow.density_unit)
     solution = trainer.solution(e)
-    own = problem.spec, problem.physics, *solution, case.scales, law, axes_of(flow), units
+    own = problem.spec, problem.physics, *solution, case.scales, law, axes_of(flow), flow.units
     return TrainedNetwork(*own)
 
 

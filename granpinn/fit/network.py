@@ -20,8 +20,7 @@ import torch
 from torch import Tensor
 
 from granpinn.arrays import Float32, Float64, plain_array
-from granpinn.data.flow import Particles
-from granpinn.data.schema import Units
+from granpinn.data.flow import Particles, Units
 from granpinn.errors import BadInput
 from granpinn.kernels import ops
 from granpinn.kernels.network import NetworkSpec

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import torch
 
-from granpinn.data.schema import Units
+from granpinn.data.flow import Units
 from granpinn.errors import BadInput
 from granpinn.fit.network import TrainedNetwork
 from granpinn.kernels.network import NetworkSpec

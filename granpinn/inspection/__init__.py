@@ -181,8 +181,7 @@ class Inspection:
     @property
     def velocity_unit(self) -> str:
         """In words; "1" for a flow without units."""
-        flow = self.filmed
-        return "1" if flow.length_unit == "1" else f"{flow.length_unit}/{flow.time_unit}"
+        return self.filmed.units.of("velocity") or "1"
 
     @property
     def reasons(self) -> list[Reason]:

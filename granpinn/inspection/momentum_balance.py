@@ -145,7 +145,7 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
             break
     if isinstance(stress, str):
         return Baseline(stress)
-    cells = _Cells(stress)
+    cells = _Cells(stress, I0)
     if len(cells.I) < cells.fewest:
         return Baseline(
             f"friction shows in {len(cells.I)} cells below the surface, and it needs {cells.fewest}"
@@ -153,8 +153,8 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
     noisier = _noisier(flow, stress, window, I0, side_walls.friction)
     wrong = float(np.mean(cells.shear / cells.normal < -SURE * _noise_of_friction(stress, noisier)))
     bins = list(cells.bins())
-    points = [cells.point(k, I0) for k in bins]
-    mean = cells.point(np.flatnonzero(cells.within), I0)
+    points = [cells.point(k) for k in bins]
+    mean = cells.point(np.flatnonzero(cells.within))
     if wrong > WRONG_SIGN or mean.mu < -SURE * mean.se:
         return Baseline(
             f"the shear stress points the wrong way in {wrong:.0%} of the cells, so more than the "
@@ -169,9 +169,9 @@ def baseline(flow: Flow, I0: float = I0, side_walls: SideWalls | None = None) ->
         rougher = momentum_balance(flow, window, I0, side_walls.friction + side_walls.friction_sd)
     upper, lower = cells.halves()
     at = np.array([*(p.I for p in points), mean.I])
-    of_window, of_walls = (cells.change(other, at, I0) for other in (wider, rougher))
+    of_window, of_walls = (cells.change(other, at) for other in (wider, rougher))
     of_noise = cells.changes(noisier)
-    of_depth = np.abs(cells.curve(at, I0, upper) - cells.curve(at, I0, lower)) / 2
+    of_depth = np.abs(cells.curve(at, upper) - cells.curve(at, lower)) / 2
     scatter = np.array([*(p.se for p in points), mean.se])
     of_model = MODEL * np.array([*(p.mu for p in points), mean.mu])
     parts = {"scatter": scatter, "window": of_window, "depth": of_depth, "model": of_model}
@@ -217,9 +217,10 @@ def _noise_of_friction(stress: Stress, noisier: Stress | str) -> float:
 
 
 class _Cells:
-    """The used cells of a stress, [n] each."""
+    """The used cells of a stress, [n] each, with the inertial scale of the law through them."""
 
-    def __init__(self, stress: Stress) -> None:
+    def __init__(self, stress: Stress, I0: float) -> None:
+        self.I0 = I0
         k = np.nonzero(stress.used)
         self.I, self.shear, self.normal = (
             a[k] for a in (stress.inertial_number, stress.shear, stress.normal)
@@ -248,13 +249,13 @@ class _Cells:
             if here.sum() >= self.fewest or count == 1:
                 yield np.flatnonzero(here)
 
-    def point(self, k: Index, I0: float) -> Point:
+    def point(self, k: Index) -> Point:
         """Friction of the cells k, with the jackknife's standard error over their blocks.
 
         The jackknife takes the distance from the law of all cells, as I differs between blocks.
         """
         shear, normal, block = self.shear[k], self.normal[k], self.block[k]
-        rest = shear - self.curve(self.I[k], I0) * normal
+        rest = shear - self.curve(self.I[k]) * normal
         kept = [block != name for name in np.unique(block)]
         left = np.array([rest[b].sum() / normal[b].sum() for b in kept if b.any()])
         n = len(left)
@@ -269,12 +270,12 @@ class _Cells:
             upper[k] = self.depth[k] < np.median(self.depth[k])
         return upper & self.within, ~upper & self.within
 
-    def curve(self, at: Float64, I0: float, some: Bool | None = None) -> Float64:
+    def curve(self, at: Float64, some: Bool | None = None) -> Float64:
         """mu at inertial numbers, of the law that some cells, or all in the range, fit best."""
         k = self.within if some is None else some
-        x, p, s = (a[k] for a in (self.I / (self.I + I0), self.normal, self.shear))
+        x, p, s = (a[k] for a in (self.I / (self.I + self.I0), self.normal, self.shear))
         low, high = self.range
-        y = at / (at + I0)
+        y = at / (at + self.I0)
         if high <= NARROW * low:
             return np.full_like(at, s.sum() / p.sum())
         values = np.linalg.lstsq(np.stack([(1 - x) * p, x * p], axis=1), s, rcond=None)[0]
@@ -287,7 +288,7 @@ class _Cells:
         found = np.zeros(len(bins))
         if isinstance(other, str):
             return found
-        cells = _Cells(other)
+        cells = _Cells(other, self.I0)
         for n, k in enumerate(bins):
             low, high = self.I[k].min(), self.I[k].max()
             here = (low <= cells.I) & (cells.I <= high)  # noqa: SIM300
@@ -298,11 +299,11 @@ class _Cells:
                 found[n] = abs(changed - mu)
         return found
 
-    def change(self, other: Stress | str, at: Float64, I0: float) -> Float64:
+    def change(self, other: Stress | str, at: Float64) -> Float64:
         """Change of the curve with the stress of another balance; 0 without one."""
         if isinstance(other, str):
             return np.zeros_like(at)
-        return np.asarray(np.abs(_Cells(other).curve(at, I0) - self.curve(at, I0)))
+        return np.asarray(np.abs(_Cells(other, self.I0).curve(at) - self.curve(at)))
 
 
 def _parts(values: Float64 | Index, count: int) -> Index:

@@ -26,12 +26,11 @@ from typing import Any
 import numpy as np
 
 from granpinn.arrays import Bool, Float32, Float64, Floats, Int64, nearest
-from granpinn.data.flow import STEADY, FlowFileError
+from granpinn.data.flow import STEADY, FlowFileError, Units
 from granpinn.data.flow_file import Hdf5File, add_dataset, read_hdf5, write_attributes
 from granpinn.data.schema import (
     GRID,
     DatasetRule,
-    Units,
     attribute,
     check_format,
     check_rules,

@@ -66,7 +66,7 @@ class RunState:
     data_sha256: str
 
 
-FORMAT = "granpinn-checkpoint", 6  # name and version
+FORMAT = "granpinn-checkpoint", 7  # name and version
 KEPT = 2
 NAME = re.compile(r"step-(\d{9,16})-([0-9a-f]{16})\.safetensors", re.ASCII)
 TEMPORARY = re.compile(rf"\.{NAME.pattern}\.[0-9a-f]{{8}}\.tmp", re.ASCII)
@@ -176,20 +176,16 @@ def require_same(
     data_sha256: str,
 ) -> None:
     """Raise CheckpointError, with the difference, for another identity (identity.py)."""
-    saved = checkpoint.state
+    saved, advice = checkpoint.state, "give the same settings"
     found = difference(saved.settings, settings)
-    advice = "give the same settings"
     if found is None:
         advice = "give the same FLOW"
-        pairs = zip(saved.members, members, strict=False)
-        found = next(filter(None, (difference(*pair) for pair in pairs)), None)
+        found = next(filter(None, map(difference, saved.members, members)), None)
         if len(saved.members) != len(members):
             found = f"{len(saved.members)} members, this one has {len(members)}"
-        elif found is None and saved.data_sha256 != data_sha256:
-            found = "another flow file"
-    if found is not None:
-        with_or_on = "on" if found == "another flow file" else "with"
-        raise CheckpointError(
-            f"{checkpoint.path} belongs to a run {with_or_on} {found}: {advice}, or another folder "
-            f"for a new run"
-        )
+    if found is None and saved.data_sha256 == data_sha256:
+        return
+    what = "on another flow file" if found is None else f"with {found}"
+    raise CheckpointError(
+        f"{checkpoint.path} belongs to a run {what}: {advice}, or another folder for a new run"
+    )
