@@ -104,20 +104,21 @@ def initial_height(flow: Flow) -> float:
     scattered vectors from the lowest to the highest of the first time, and half a grain. In a flow
     with periodic sides it is the extent along y, the thickness of the layer.
     """
-    if flow.particles is not None:
-        p = flow.particles
+    p = flow.particles
+    if p is not None:
         first = p.t == p.t.min()
-        x, y = p.x[first], p.y[first]
-        return float(np.ptp(y if flow.periodic else flow.height(x, y))) + flow.grain_diameter
-    rows, columns = np.nonzero(flow.c[0] >= 1)
-    if rows.size == 0:
-        raise FlowFileError(
-            "c must be 1 at some point of the first frame, whose height of grains sets the length "
-            "scale, got none: leave out the frames before the grains are seen"
-        )
-    h = flow.y[rows] if flow.periodic else flow.height(flow.x[columns], flow.y[rows])
-    if flow.periodic:
-        return float(h.max() - h.min()) + flow.spacing[1]
-    g = math.hypot(*flow.gravity)
-    cell = sum(abs(g_i) / g * d_i for g_i, d_i in zip(flow.gravity, flow.spacing, strict=True))
+        x, y, cell = p.x[first], p.y[first], flow.grain_diameter
+    else:
+        rows, columns = np.nonzero(flow.c[0] >= 1)
+        if rows.size == 0:
+            raise FlowFileError(
+                "c must be 1 at some point of the first frame, whose height of grains sets the "
+                f"length scale, got at most {flow.c[0].max():g}: set c to exactly 1 inside the "
+                "material, and leave out the frames before the grains are seen"
+            )
+        x, y, cell = flow.x[columns], flow.y[rows], flow.spacing[1]
+        if not flow.periodic:
+            g, pairs = math.hypot(*flow.gravity), zip(flow.gravity, flow.spacing, strict=True)
+            cell = sum(abs(g_i) / g * d_i for g_i, d_i in pairs)
+    h = y if flow.periodic else flow.height(x, y)
     return float(h.max() - h.min()) + cell

@@ -230,6 +230,6 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         "only NaN in 2 of 12 frames",
     ),
     "infinity": (lambda f: _set_values(f, "u", (3, 0, 0), np.inf), "u must be from"),
-    "no grains": (lambda f: _set_values(f, "c", ..., 0.5), "c must be 1 where"),
+    "no grains": (lambda f: _set_values(f, "c", ..., 0.5), "got at most 0.5: set c"),
     "time stands still": (lambda f: _set_values(f, "t", 3, f["t"][2]), "t must increase"),
 }

@@ -81,7 +81,7 @@ RULES: dict[str, tuple[dict[str, Any], str]] = {
     "c of NaN": (changed("c", (3, 2, 1), np.nan), "c must be from -1e-06 to 1, got nan"),
     "c in percent": ({"c": FLOW.c * 100}, "c must be from -1e-06 to 1, got 100"),
     "c negative": (changed("c", (3, 2, 1), -0.1), "c must be from -1e-06 to 1, got -0.1"),
-    "c never 1": ({"c": FLOW.c * np.float32(0.99)}, "got no such point (largest value 0.99)"),
+    "c never 1": ({"c": FLOW.c * np.float32(0.99)}, "got at most 0.99: set c to exactly 1"),
     "no grains at first": (changed("c", 0, 0.0), "c must be 1 at some point of the first frame"),
     "v infinite": (changed("v", (3, 2, 1), np.inf), "v must be from -1e+30 to 1e+30, or NaN"),
     "NaN in u alone": (changed("u", (3, 0, 0), np.nan), "same points, got 1 where only one"),
