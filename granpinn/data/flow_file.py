@@ -42,7 +42,7 @@ from granpinn.data.schema import (
 from granpinn.declared import checked
 from granpinn.foreign import read_foreign
 from granpinn.output import hdf5_file
-from granpinn.regular import UnsafeFileError, open_regular_file
+from granpinn.regular import RETRY, UnsafeFileError, open_regular_file
 
 MOST_MAPPED = 2**37  # bytes of a file
 
@@ -87,11 +87,17 @@ def read_hdf5(path: Path, names: list[str], max_bytes: int, remedy: str) -> Hdf5
         for name, part in found["datasets"].items():
             values, shape, dtype = part.get("values"), tuple(part["shape"]), part["dtype"]
             if "place" in part:
-                values = np.memmap(stream, dtype, "r", part["place"], shape)
+                try:
+                    values = np.memmap(stream, dtype, "r", part["place"], shape)
+                except (TypeError, ValueError):
+                    raise UnsafeFileError(
+                        f"{name} was cut off, expected all of it: {RETRY}"
+                    ) from None
             datasets[name] = Dataset(shape, dtype, part["attributes"], values)
     return Hdf5File(found["attributes"], datasets, sha256)
 
 
+MOVING_WALLS = "wall_t"  # times of pieces in files of older versions
 _RAISE = (
     "if it can be trusted, raise max_bytes of read_flow, or write the file without chunks and "
     "filters, which needs no memory"
@@ -129,9 +135,14 @@ def read_flow(path: str | os.PathLike[str], *, max_bytes: int = MOST_IN_MEMORY) 
 
 
 def _read(path: Path, max_bytes: int) -> Flow:
-    file = read_hdf5(path, [*DATASETS], max_bytes, _RAISE)
+    file = read_hdf5(path, [*DATASETS, MOVING_WALLS], max_bytes, _RAISE)
     remedy = f"{WRITE_HINT}, or update granpinn"
     check_format(file.attributes, FORMAT_NAME, FORMAT_VERSION, remedy)
+    if MOVING_WALLS in file.datasets:
+        raise FlowFileError(
+            f"{MOVING_WALLS} must not be there, as walls stay in their place: leave out the pieces "
+            "that move, and the frames before a gate has left"
+        )
     stated = {n: attribute(file.attributes, n, r.kind, r.required) for n, r in ATTRIBUTES.items()}
     stated = {name: value for name, value in stated.items() if value is not None}
     units = Units(stated["length_unit"], stated["time_unit"], stated.get("density_unit"))

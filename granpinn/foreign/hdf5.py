@@ -54,7 +54,7 @@ def read(
                 "dtype": describe(dataset.id.get_type()),
                 "attributes": attributes(dataset),
             }
-            if in_place and dataset.size and _is_plain(dataset):
+            if in_place and _is_plain(dataset):
                 _require_whole(name, dataset)
                 found[name]["place"] = dataset.id.get_offset()
             else:

@@ -174,6 +174,10 @@ EDITS: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         lambda f: _replace(f, "u", data=np.transpose(f["u"][:])),
         "u must be [T, Y, X] = [12, 24, 20], got [20, 24, 12]: transpose it",
     ),
+    "walls that move": (
+        lambda f: f.create_dataset("wall_t", data=np.zeros(2)),
+        "wall_t must not be there",
+    ),
     "two dimensions": (lambda f: _replace(f, "u", data=f["u"][0]), "got float32 [24, 20]"),
     "four dimensions": (
         lambda f: _replace(f, "u", data=f["u"][:][None]),
