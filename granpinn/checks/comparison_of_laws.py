@@ -27,7 +27,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # loads scipy.optimize at its first use
+import scipy
 
 from granpinn.arrays import Float64
 from granpinn.config import Config, ConfigError

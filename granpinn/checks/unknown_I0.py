@@ -23,8 +23,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # loads scipy.optimize at its first use
-from scipy.special import ndtr
+import scipy
 
 from granpinn.arrays import Float64
 from granpinn.errors import CannotGoOn
@@ -200,7 +199,9 @@ def mixture(mean: Float64, sd: Float64, weights: Float64, logarithmic: bool = Fa
         reach = FARTHEST * float(sd.max())
         ends = float(mean.min()) - reach, float(mean.max()) + reach
         return float(
-            scipy.optimize.brentq(lambda x: float(weights @ ndtr((x - mean) / sd)) - q, *ends)
+            scipy.optimize.brentq(
+                lambda x: float(weights @ scipy.special.ndtr((x - mean) / sd)) - q, *ends
+            )
         )
 
     middle, low, high = (quantile(q) for q in (0.5, TAIL, 1 - TAIL))

@@ -73,14 +73,12 @@ def grid_view(particles: Particles) -> dict[str, Any]:
 
 def closed(occupied: Bool) -> Bool:
     """Cells [Y, X] that hold grains: those with vectors, and gaps of up to two cells."""
-
     grown = scipy.ndimage.binary_closing(np.pad(occupied, 3), structure=np.ones((3, 3), bool))
     return np.asarray(grown[3:-3, 3:-3] | occupied)
 
 
 def _cell_size(particles: Particles, frame: Index, n_frames: int) -> float:
     """Width of the cells, from the distance between neighbors in a few frames."""
-
     distances = []
     for k in np.unique(np.linspace(0, n_frames - 1, _SAMPLED_FRAMES).astype(int)):
         points = np.unique(np.stack([particles.x, particles.y], -1)[frame == k], axis=0)

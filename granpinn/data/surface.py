@@ -171,7 +171,6 @@ def _share_of_fractions(flow: Flow, surface: Surface) -> float:
 
 def _c_at(flow: Flow, surface: Surface, shift: Float64, order: int = 1) -> Floats:
     """c at the points of the line after a shift [n, 2]; order 1: linear, 0: of the nearest cell."""
-
     row = np.interp(surface.y + shift[:, 1], flow.y, np.arange(flow.y.size))
     column = np.interp(surface.x + shift[:, 0], flow.x, np.arange(flow.x.size))
     places = np.stack([nearest(flow.t, surface.t), row, column])

@@ -15,7 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pandas as pd
-from scipy.spatial import cKDTree
+import scipy
 
 from granpinn.arrays import Bool
 from granpinn.data.flow import Flow, Surface
@@ -142,7 +142,7 @@ def _below(line: Surface, vectors: pd.DataFrame, rows: int, grain: float) -> Boo
     """
     reach = WINDOW / 2 * grain
     apart = 2 * reach  # of two frames: the line of another one is never near
-    tree = cKDTree(np.stack([line.x, line.y, apart * line.t], -1))
+    tree = scipy.spatial.cKDTree(np.stack([line.x, line.y, apart * line.t], -1))
     places = np.stack([vectors.x, rows - vectors.y, apart * vectors.t], -1)
     return np.asarray(np.isinf(tree.query(places, distance_upper_bound=reach)[0]))
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter, median_filter
+import scipy
 
 from granpinn.data.flow import Surface
 from granpinn.filming.frames import Picture
@@ -62,8 +62,8 @@ class Segmentation:
         values = _averaged(picture, self.grain, self.texture)
         rise, middle = self.inside - self.outside, (self.inside + self.outside) / 2
         within = ((values - middle) * rise > 0).astype(np.float32)
-        share = gaussian_filter(within, AROUND)
-        around = gaussian_filter(values * within, AROUND) / np.maximum(share, 1e-6)
+        share = scipy.ndimage.gaussian_filter(within, AROUND)
+        around = scipy.ndimage.gaussian_filter(values * within, AROUND) / np.maximum(share, 1e-6)
         around = np.where(share > 1e-3, around, self.inside)
         return np.asarray((values - self.outside) / (around - self.outside), np.float32)
 
@@ -87,10 +87,13 @@ class Segmentation:
         if not self.useful:
             return None
         up = np.array([-math.sin(tilt), math.cos(tilt)])
-        even = (gaussian_filter(level[::-1], EDGE, mode="nearest") for level in levels.values())
+        even = (
+            scipy.ndimage.gaussian_filter(level[::-1], EDGE, mode="nearest")
+            for level in levels.values()
+        )
         c = np.stack([without_holes(level, up) for level in even])
         area = c.sum(axis=(1, 2))
-        steady = np.abs(area / median_filter(area, 5, mode="nearest") - 1) < MAX_JUMP
+        steady = np.abs(area / scipy.ndimage.median_filter(area, 5, mode="nearest") - 1) < MAX_JUMP
         near = cv2.erode(self.view, np.ones((2 * int(self.grain) + 1,) * 2, np.uint8))
         c[:, cv2.resize(near, c.shape[:0:-1], interpolation=cv2.INTER_AREA)[::-1] < 255] = np.nan
         sizes = zip(self.view.shape, c.shape[1:], strict=True)

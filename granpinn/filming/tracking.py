@@ -18,7 +18,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pandas as pd
-from scipy.spatial import cKDTree
+import scipy
 
 from granpinn.arrays import Bool, Float32, Float64
 from granpinn.filming.frames import Picture
@@ -113,7 +113,7 @@ def velocities(
 
 def _nearest(places: Float64) -> Any:
     """Indices [n, 1 + NEIGHBORS] of each place and its neighbors."""
-    return cKDTree(places).query(places, NEIGHBORS + 1)[1]
+    return scipy.spatial.cKDTree(places).query(places, NEIGHBORS + 1)[1]
 
 
 def _scatter(places: Float64, velocity: Float64) -> Float64:

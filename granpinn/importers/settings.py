@@ -187,7 +187,8 @@ class Settings:
 def material_of(settings: Settings) -> tuple[dict[str, Any], dict[str, float]]:
     """The constants of the grains as fields of a flow, and lengths as attributes of its file.
 
-    The bulk density is that of a grain times the solid fraction. They must be complete.
+    The bulk density is that of a grain times the solid fraction. `require_complete` (frame.py) has
+    found the settings complete.
     """
     grain, bulk = settings.number("grain_density"), settings.number("density")
     fraction = settings.solid_fraction
